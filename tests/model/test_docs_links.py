@@ -44,6 +44,11 @@ def test_every_table_has_an_empty_line_before_it_without_which_it_is_no_table(pa
     assert [lines[k] for k in begins if lines[k - 1].strip()] == []
 
 
+@pytest.mark.parametrize("name", ["ros2_control", "learning", "simulink"])
+def test_page_for_who_has_something_already_has_at_most_400_words(name: str) -> None:
+    assert len((ROOT / "docs" / f"{name}.md").read_text().split()) <= 400
+
+
 def test_every_page_is_reached_from_the_readme() -> None:
     reached, waiting = set(), [ROOT / "README.md"]
     while waiting:

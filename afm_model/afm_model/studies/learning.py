@@ -1,7 +1,7 @@
 """Instruments as an environment of gymnasium, to learn laws: a drive is the action, a measurement is observed.
 
 Needs gymnasium: `pip install './afm_model[learn]'`. Its `make` and `make_vec` import this module and make the
-environments by the name "afm_model.studies.learning:afm_model/Tracking-v0".
+environments by the name "afm_model.studies.learning:afm_model/Tracking-v0", or ScanLine-v0.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from ..run.engine import Engine
 from ..run.pacing import Compiled
 from ..run.simulated import ticks_to_simulate
 from ..run.state import OVER
+from .episode import checked, refuse_options, require_render_mode
 from .episode_picture import EpisodePicture
 
 _Array = NDArray[np.float64]
@@ -46,8 +47,8 @@ OBSERVATION = [f"{name}_{'xyz'[i]}" if n == 3 else name for name, n in _COUNTS.i
 """Names of the numbers of an observation."""
 LARGEST = 1e9
 """Of an observation: 1 m, 1e3 m/s, 1 N. What is larger, of a motion that has diverged, is observed as this."""
-ID = "afm_model/Tracking-v0"
-"""Registered name of the environments."""
+ID, SCAN_ID = "afm_model/Tracking-v0", "afm_model/ScanLine-v0"
+"""Registered names of the environments here, and of that of `scan_line`."""
 _SCENARIO = "closed_loop_predictive"
 
 
@@ -95,7 +96,7 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
     Raises
     ------
     ParameterError
-        If a parameter is not allowed, or the run is endless.
+        If a parameter is not allowed, the run is endless, or `options` are given to a reset.
     ValueError
         If an action is outside -1 to 1, or is not a number.
     gymnasium.error.ResetNeeded
@@ -118,7 +119,8 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
         self.num_envs, self._sim, self._total = num_envs, sim, ticks_to_simulate(sim)
         self._range, self._worst, self._hold, self._vary = drive_range, worst, hold, vary
         self.single_observation_space = Box(-LARGEST, LARGEST, (len(OBSERVATION),), np.float64)
-        self.single_action_space = Box(-1.0, 1.0, (3,), np.float64)
+        # Of float32, as learners expect; drives of float64 are put in force as they are.
+        self.single_action_space = Box(-1.0, 1.0, (3,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         # Each its own, so that an episode does not depend on how those of others have ended.
@@ -129,6 +131,7 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[_Array, dict[str, Any]]:
         """Start an episode in each instrument; with a seed all that follows is the same again."""
         super().reset(seed=seed)
+        refuse_options(options)
         if seed is not None:
             self._random = [np.random.default_rng(seed + number) for number in range(self.num_envs)]
         infos: dict[str, Any] = {}
@@ -142,15 +145,8 @@ class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
         """Put a drive in force in each instrument."""
         if not self.begun:
             raise ResetNeeded("step is not allowed before the first episode has started: call reset first")
-        given = np.asarray(actions, np.float64).reshape(self.num_envs, 3)
-        if not np.isfinite(given).all():
-            raise ValueError("an action must be finite numbers")
-        if (largest := float(given.flat[np.abs(given).argmax()])) and not abs(largest) <= 1.0:
-            raise ValueError(
-                f"action {largest:g} is not allowed: it must be >= -1 and <= 1, which are drives up to "
-                f"{self._range:g} V (drive_range); gymnasium.wrappers.ClipAction clips it"
-            )
-        drives = self._range * given
+        what = f"drives up to {self._range:g} V (drive_range)"
+        drives = self._range * checked(actions, (self.num_envs, 3), what)
         infos: dict[str, Any] = {}
         over = np.array([engine.state in OVER for engine in self._engines])
         for number, engine in enumerate(self._engines):
@@ -241,8 +237,7 @@ class TrackingEnv(gymnasium.Env[Any, Any]):  # type: ignore[misc]
     def __init__(
         self, scenario: Scenario | str = _SCENARIO, *, render_mode: str | None = None, **parameters: Any
     ) -> None:
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ParameterError(f"render_mode = {render_mode} is not allowed: it must be rgb_array, or left out")
+        require_render_mode(self, render_mode)
         self._one = TrackingVectorEnv(scenario, 1, **parameters)
         self.observation_space = self._one.single_observation_space
         self.action_space = self._one.single_action_space
@@ -253,8 +248,8 @@ class TrackingEnv(gymnasium.Env[Any, Any]):  # type: ignore[misc]
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, ...]:
         """Start an episode."""
         super().reset(seed=seed)
+        found = _of_one(*self._one.reset(seed=seed, options=options))
         self._over = False
-        found = _of_one(*self._one.reset(seed=seed))
         if self._picture is not None:
             self._picture.begin()
             self._picture.add(*self._one.newest(0))
@@ -287,3 +282,4 @@ def _of_one(*arrays: Any) -> tuple[Any, ...]:
 
 if ID not in gymnasium.registry:
     gymnasium.register(ID, entry_point=TrackingEnv, vector_entry_point=TrackingVectorEnv)
+    gymnasium.register(SCAN_ID, entry_point="afm_model.studies.scan_line:ScanLineEnv")

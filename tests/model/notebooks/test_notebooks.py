@@ -213,6 +213,10 @@ def test_error_bars_of_a_fit_hold_the_truth_as_often_as_they_say(ran: Get):
         # Three standard deviations of a count, for each parameter.
         allowed = 3.0 * math.sqrt(trials * part * (1.0 - part))
         assert np.abs(inside.sum(axis=0) - part * trials).max() <= allowed
+    page = (ROOT / "docs" / "learning.md").read_text()
+    for name in ("inside68", "inside95"):
+        shares = 100.0 * fit[name].mean(axis=0)
+        assert f"{shares.min():.0f} to {shares.max():.0f} %" in page
     # And they are narrow: of a fifth of what was thought possible at most.
     width = fit["intervals"][:, 3] - fit["intervals"][:, 1]
     assert (width.mean(axis=0) < 0.2 * (fit["fit"].HIGH - fit["fit"].LOW)).all()

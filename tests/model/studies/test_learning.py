@@ -132,6 +132,23 @@ def test_action_outside_its_box_is_refused_with_what_is_allowed_and_changes_noth
     assert np.array_equal(seen, env.step(np.ones(3))[0])
 
 
+@pytest.mark.parametrize("kind", [TrackingEnv, TrackingVectorEnv])
+def test_options_of_a_reset_are_refused_and_end_no_episode(scenario, kind):
+    env = kind(scenario)
+    env.reset(seed=1)
+    action = np.zeros(env.action_space.shape)
+    with pytest.raises(ParameterError, match="options gain are not allowed: reset takes a seed, and nothing else"):
+        env.reset(seed=2, options={"gain": 1.0})
+    seen = env.step(action)[0]
+    env.reset(seed=1, options={})
+    assert np.array_equal(seen, env.step(action)[0])
+
+
+def test_actions_have_the_type_that_learners_have():
+    """Stable-Baselines3 warns of another one; drives in double precision are put in force as they are."""
+    assert TrackingEnv().action_space.dtype == TrackingVectorEnv(num_envs=2).action_space.dtype == np.float32
+
+
 def test_only_what_a_controller_measures_is_observed(scenario):
     fields = {name.rpartition("_")[0] if name[-2:] in ("_x", "_y", "_z") else name for name in OBSERVATION}
     assert fields <= set(Measurement.names)
