@@ -310,7 +310,8 @@ class RecorderNode(Node):
             ready=self._ready,
             messages_dropped=self._drops.count,
             writing=not problem,
-            detail=problem or "; ".join(filter(None, (self._presence.problem, self._drops.last))),
+            detail=problem
+            or "; ".join(filter(None, (self.recorder.present.problem, self._presence.problem, self._drops.last))),
             **asdict(self.recorder.counts()),
         )
         self._health.publish(health, self.recorder.present.time_ns)

@@ -176,6 +176,7 @@ class Recorder:
         lost = stream.lost
         if not stream.put(block):
             return
+        progress.count_block(message.topic)
         progress.heard_at = time.monotonic()
         progress.time_ns = max(progress.time_ns, message.time_ns)
         if run.writer is None:

@@ -11,6 +11,8 @@ SILENCE = 4.0
 middleware repeats lost messages."""
 QUIET = 0.5
 """The same for what comes once and at once, when all blocks are there: score, results, events [s]."""
+_BEHIND = 40
+"""Blocks of other streams without one of a stream, from when it counts as not delivered: some seconds."""
 
 
 @dataclass
@@ -22,6 +24,7 @@ class StreamCounts:
     received: int = 0
     lost: int = 0
     unwritten: int = 0  # values that came while the file could not be written
+    behind: int = 0  # blocks of the trace and of the first channel since its last one
 
     def put(self, block: MessageHead) -> bool:
         """Count a block; False if it has come before."""
@@ -83,6 +86,22 @@ class RunProgress:
     def stream(self, name: str) -> StreamCounts:
         """What has come on a topic of blocks."""
         return self.streams.setdefault(name, StreamCounts())
+
+    def count_block(self, name: str) -> None:
+        """Note that a new block has come on a topic."""
+        wanted = (self.trace, *self.channels)
+        if name in wanted[:2]:
+            for each in wanted:
+                self.stream(each).behind += 1
+        self.stream(name).behind = 0
+
+    @property
+    def problem(self) -> str:
+        """Streams that bring nothing while others do; empty: none."""
+        silent = [name for name in (self.trace, *self.channels) if self.stream(name).behind > _BEHIND]
+        if not silent:
+            return ""
+        return f"nothing comes on {', '.join(silent)} while other streams arrive: start the simulator again"
 
     def has(self, ticks: int, samples: int) -> bool:
         """Whether every stream has come up to these numbers of ticks and samples."""

@@ -176,6 +176,18 @@ def test_run_that_is_over_is_waited_for_as_long_as_a_block_is_missing(
         assert len(read_recording(tmp_path / "run.mcap").time_ticks) == BLOCK * (BLOCKS - 1)
 
 
+@pytest.mark.parametrize("silent", ["control_trace", *list(CHANNELS)[::3]])
+def test_stream_that_brings_nothing_while_others_do_is_a_problem(recorder: Recorder, silent: str) -> None:
+    blocks = run_of(4, BLOCK * (runs._BEHIND + 2))
+    for number in range(runs._BEHIND + 1):
+        for name in ("control_trace", *CHANNELS):
+            if name != silent:
+                put(recorder, blocks[name][number])
+    assert f"nothing comes on {silent} " in recorder.present.problem
+    put(recorder, blocks[silent][0])
+    assert not recorder.present.problem
+
+
 def test_event_that_comes_before_the_first_block_stands_in_front_of_it(recorder: Recorder, tmp_path: Path) -> None:
     for name in ("events", "scan_line", "parameters", "control_trace"):
         for topic in RUNS[2][name]:
