@@ -68,7 +68,7 @@ site: setup ## make a site of all pages, with a reference made from the code: ou
 release: build ## wheels of all packages and the site, from what is committed, tried in an empty environment: out/release
 	@tools/release.sh
 
-figures: with-tests ## draw the figures of docs/paper.md again
+figures: with-tests ## draw the figures of docs/paper.md and docs/tuning.md again
 	@. ./env.sh && python tools/make_figures.py $(call arguments,,--duration 2e-3 --dpi 40 --out out/quick/figures)
 
 notebooks: with-tests ## run the notebooks of notebooks/ and keep their figures in them

@@ -1,4 +1,4 @@
-"""Draw the figures of docs/paper.md and README.md and write the tables, from scenario files: no hand work.
+"""Draw the figures of paper.md, tuning.md (docs) and README.md, write the tables, from scenario files: no hand work.
 
 python tools/make_figures.py            # all of it: docs/figures and docs/paper.md
 python tools/make_figures.py figure_4   # one figure
@@ -11,7 +11,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from figures import both_loops, control_forces, error_ball, figure_2, figure_4, figure_5, figure_6, numbers, page, style
+from figures import (
+    both_loops,
+    control_forces,
+    error_ball,
+    figure_2,
+    figure_4,
+    figure_5,
+    figure_6,
+    numbers,
+    page,
+    style,
+    tuning,
+)
 from figures.runs import ROOT, Runs
 from matplotlib.figure import Figure
 
@@ -24,6 +36,7 @@ FIGURES: dict[str, Callable[[Runs], Figure]] = {
     "control_forces": control_forces.draw,
     "error_ball": error_ball.draw,
     "both_loops": both_loops.draw,
+    "tuning": tuning.draw,
 }
 TABLES: dict[str, Callable[[Runs], list[str]]] = {"open_loop": numbers.open_loop, "closed_loop": numbers.closed_loop}
 PAGE = ROOT / "docs" / "paper.md"

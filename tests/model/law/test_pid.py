@@ -78,21 +78,33 @@ def test_derivative_is_filtered_and_a_step_of_a_reference_without_weight_moves_t
     assert [mine.answer(numbers)[0] for _ in range(3)] == pytest.approx([0.0, 0.1, 0.2])
 
 
-def tuned() -> dict[str, float]:
-    """Gains of the rule, (3.2) of docs/laws.md, as a sum of three parts; a slow integral leaves an error under load."""
+def tuned(slowness: float, integral: float = 1.0) -> dict[str, float]:
+    """Gains (2) of docs/tuning.md."""
     parameters = law().parameters
-    scales, rule = parameters.scales, {"derivative_time": 0.5 * PERIOD}
-    least = (0.0, 0.0, scales.w0 / (2.0 * math.pi * parameters.cantilever.f_c))
-    for name, axis, metres, slowest in zip(
-        "xyz", free_axes(parameters), parameters.piezo.sensitivities, least, strict=True
-    ):
-        found = simc(axis.eta, axis.xi, axis.hold, 0.0, 3.0, slowest)
-        time, gain = PERIOD / found.reset, found.gain / (axis.eta**2 * metres)
-        rule |= {f"kp_{name}": 2.0 * gain, f"ki_{name}": 0.02 * gain / time, f"kd_{name}": gain * time}
-    return rule
+    gains, tau = {"derivative_time": 0.5 * PERIOD}, (1.0 + slowness) * PERIOD
+    for name, f, metres in zip("xyz", parameters.scanner.frequencies, parameters.piezo.sensitivities, strict=True):
+        g = (2.0 * math.pi * f) ** 2 * metres
+        gains |= {
+            f"kp_{name}": 0.5 / tau**2 / g,
+            f"ki_{name}": integral / 16.0 / tau**3 / g,
+            f"kd_{name}": 1.0 / tau / g,
+        }
+    return gains
 
 
-TUNED = tuned()
+def test_gains_of_the_page_are_those_of_the_rule():
+    parameters, gains = law().parameters, tuned(1.0)
+    axis, metres = free_axes(parameters)[0], parameters.piezo.sensitivity_x
+    rule = simc(axis.eta, axis.xi, axis.hold, 0.0)
+    volts, time = 1.0 / (axis.eta**2 * metres), PERIOD / rule.reset
+    # K (1 + s T) (1 + 1 / (s T)) as a sum.
+    assert gains["kp_x"] == pytest.approx(2.0 * rule.gain * volts)
+    assert gains["ki_x"] == pytest.approx(rule.gain * volts / time)
+    assert gains["kd_x"] == pytest.approx(rule.gain * volts * time)
+
+
+# A slow integral leaves an error under load.
+TUNED = tuned(3.0, 0.02)
 OWN = {**PID, "law.z": "pid", "law.feedforward": False, **{f"law.{name}": value for name, value in TUNED.items()}}
 CHANGES = {
     **{name: {f"law.{name}": 0.5 * TUNED[name]} for name in TUNED},
