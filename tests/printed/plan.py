@@ -36,7 +36,7 @@ ELSEWHERE = {
     r"make ": ".ci/run",
     r"python -m pytest ": ".ci/run",
     r"python examples/learn_tracking.py": "tests/model/studies/test_learning.py",
-    r"python examples/stick_slip_data.py": "tests/model/studies/test_stick_slip_data.py",
+    r"python examples/stick_slip_data.py|train, test = nonlinear_benchmarks": "tests/model/studies/test_stick_slip_data.py",
     r"ros2 run afm_bringup joint_bridge": "tests/nodes/test_joint_bridge.py",
     r"python examples/nanonis_two_materials.py": "tests/nanonis/test_physics.py",
     r"afm nanonis ": "tests/nanonis/test_commands.py",
