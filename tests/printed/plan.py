@@ -22,7 +22,9 @@ NOT_HERE = {
     r"ros2 (launch|bag) ": "it needs a full ROS 2 (test_launch.py, test_bag_qos.py run what is ours)",
     r"ros2 run controller_manager ": "it needs ros2_control "
     "(test_ros2_control.py runs what the component does without it)",
-    r"python examples/learn_scan_line.py": "it needs torch, 3 GB with CUDA (test_scan_line.py runs what it learns in)",
+    r"python examples/learn_scan_line.py|simulator = process_simulator": "it needs torch, 3 GB with CUDA "
+    "(test_scan_line.py, test_inference.py run what is ours)",
+    r"train, test = nonlinear_benchmarks": "it needs nonlinear_benchmarks (test_stick_slip_data.py loads the data with it)",
     r"ros2 security |for node .* ros2 security |export ROS_SECURITY|.* --enclave ": "it "
     "needs the ros2 security of a full ROS 2",
     r"import socket\nfrom nanonis_spm|from nanonisTCP ": "it needs a client of others from PyPI "
@@ -36,7 +38,7 @@ ELSEWHERE = {
     r"make ": ".ci/run",
     r"python -m pytest ": ".ci/run",
     r"python examples/learn_tracking.py": "tests/model/studies/test_learning.py",
-    r"python examples/stick_slip_data.py|train, test = nonlinear_benchmarks": "tests/model/studies/test_stick_slip_data.py",
+    r"python examples/stick_slip_data.py": "tests/model/studies/test_stick_slip_data.py",
     r"ros2 run afm_bringup joint_bridge": "tests/nodes/test_joint_bridge.py",
     r"python examples/nanonis_two_materials.py": "tests/nanonis/test_physics.py",
     r"afm nanonis ": "tests/nanonis/test_commands.py",
