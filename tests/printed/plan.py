@@ -24,7 +24,7 @@ NOT_HERE = {
     "(test_ros2_control.py runs what the component does without it)",
     r"python examples/learn_scan_line.py|simulator = process_simulator": "it needs torch, 3 GB with CUDA "
     "(test_scan_line.py, test_inference.py run what is ours)",
-    r"train, test = nonlinear_benchmarks": "it needs nonlinear_benchmarks (test_stick_slip_data.py loads the data with it)",
+    r"train, test = nonlinear_benchmarks": "it needs nonlinear_benchmarks (test_stick_slip_data.py loads with it)",
     r"ros2 security |for node .* ros2 security |export ROS_SECURITY|.* --enclave ": "it "
     "needs the ros2 security of a full ROS 2",
     r"import socket\nfrom nanonis_spm|from nanonisTCP ": "it needs a client of others from PyPI "
