@@ -5,6 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from .core.errors import DivergenceError, DriveError, ParameterError, PartError, VerbError
 from .instrument import Block, Instrument, ScoreSummary
 from .instrument.controller import Controller
+from .instrument.height_loop import HeightLoop
 from .instrument.preview import Preview, preview_reference
 from .parameters import (
     ControllerParameters,
@@ -37,6 +38,7 @@ __all__ = [
     "ControllerParameters",
     "DivergenceError",
     "DriveError",
+    "HeightLoop",
     "Instrument",
     "InstrumentParameters",
     "ParameterError",

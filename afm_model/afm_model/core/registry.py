@@ -39,6 +39,11 @@ def register(*parts: Any) -> None:
         _OWN.setdefault(part.family, {})[part.name] = part
 
 
+def shipped(family: str, name: str) -> bool:
+    """Whether a part comes with this package."""
+    return name in _OWN.get(family, {})
+
+
 @cache
 def _offered() -> dict[str, dict[str, EntryPoint]]:
     """What installed packages offer, by family: their metadata are read once, not for each family."""

@@ -14,7 +14,7 @@ from pydantic import Field
 from ..compiled.jit import kernel
 from ..core.elementary import exp, square
 from ..core.errors import ParameterError
-from ..core.registry import find
+from ..core.registry import find, shipped
 from ..core.schema import NonNegative, Positive, Unit
 from ..parts.groups import LawParameters, PlantParameters
 from ..parts.part import RIGID, SPRING, Tree
@@ -54,7 +54,7 @@ class SampledLaw(LawParameters):
 
 
 class ContactWarning(UserWarning):
-    """A model of friction, or a linear model, is used on a plant that does not declare its contact."""
+    """A model of friction, or a linear model, is used on a plant of one's own that does not declare this contact."""
 
 
 class TimingWarning(UserWarning):
@@ -66,25 +66,25 @@ TIMING = ("period", "delay_ticks")
 
 
 def require_plant(controller: Tree, plant: PlantParameters) -> None:
-    """Check that a law with a model of friction suits the contact of a plant; warn if the plant does not declare it.
+    """Check that a law with a model of friction suits the contact of a plant; of a plant of one's own warn only.
 
     Raises
     ------
     ParameterError
-        If the plant declares another contact.
+        If a plant of this package has another contact.
     """
     law, contact = find("law", controller.law.kind), find("plant", plant.kind).contact
     if not law.models_contact or contact in (SPRING, RIGID):
         return
     what = "its model of friction is that of the parameters contact"
-    if contact:
+    if shipped("plant", plant.kind):
         raise ParameterError(
             f"law.kind = {law.name} is not allowed with plant.kind = {plant.kind}: {what}; choose a plant with it, as "
             f"compliant, or a law without a model of friction, such as load or pid"
         )
+    why = "has another contact" if contact else "does not declare its contact"
     warnings.warn(
-        f"law.kind = {law.name} with plant.kind = {plant.kind}: {what}, and this plant does not declare its contact "
-        f"(docs/extending.md)",
+        f"law.kind = {law.name} with plant.kind = {plant.kind}: {what}, and this plant {why} (docs/extending.md)",
         ContactWarning,
         stacklevel=3,
     )

@@ -210,8 +210,8 @@ class Law(Part):
     knowledge: str = ""
     """Measurements and parameters of the microscope that it uses, in words, for comparisons."""
     models_contact: bool = False
-    """Whether it has a model of friction, from the parameters `contact`: it is refused on a plant with another contact,
-    and warns on one that declares none, see `Plant`.
+    """Whether it has a model of friction, from the parameters `contact`: on a plant of one's own with another contact,
+    or one that declares none, it warns, see `Plant`; on one of this package it is refused.
     """
 
 

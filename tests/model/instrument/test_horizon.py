@@ -1,7 +1,9 @@
 """Claims about drives sent ahead: when each is in force, in the compiled loop and tick by tick."""
 
 import math
+import re
 import sys
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -87,6 +89,33 @@ def test_measurement_tells_which_drives_are_in_force_and_on_their_way():
         told.append((int(y.drive_sequence), int(y.newest_drive_sequence)))
         scope.tick(scope.drive, sequence=k if k != 3 else 2)
     assert told == [(-1, -1), (-1, 0), (-1, 1), (0, 2), (1, 2)]
+
+
+def test_queue_is_as_the_page_of_the_drive_contract_shows_it():
+    page = (Path(__file__).resolve().parents[3] / "docs" / "drive_contract.md").read_text()
+    rows = re.search("<!-- queue -->\n```\n(.*)```", page, re.DOTALL)[1].splitlines()
+    shown = {row[:25].strip(): row[25:67].split() for row in rows}
+
+    def run(*, ahead: int, lost: int = -1) -> tuple[list[str], ...]:
+        """Rows of a run: a drive in mV is 10 per answer, 1 per place in the horizon."""
+        scope = instrument(plant__delay_ticks=2, piezo__dac_period=0.0)
+        newest, sequence, forces = [], [], []
+        for k in range(7):
+            y = session.measured(scope)
+            newest.append(str(y.newest_drive_sequence))
+            sequence.append(str(y.drive_sequence))
+            answer, place = divmod(round(1e3 * y.drive[0]), 10)
+            forces.append("start" if y.drive_sequence < 0 else f"a{answer - 1}" + (f"[{place}]" if ahead else ""))
+            n = k - 1 if k == lost else k
+            scope.tick(ramp(scope, 1e-2 * (n + 1), ahead, PERIOD), sequence=n)
+        return newest[:6], sequence[:6], forces[1:]
+
+    newest, sequence, forces = run(ahead=0)
+    assert (shown["newest_drive_sequence"], shown["drive_sequence"]) == (newest, sequence)
+    assert shown["in force from now on"] == forces
+    assert shown["with a horizon"] == run(ahead=5)[2]
+    assert shown["with a3 lost"] == run(ahead=5, lost=3)[2]
+    assert run(ahead=0, lost=3)[2][-1] == "a2"
 
 
 def test_every_update_counts_in_the_total_variation_of_the_drive():
