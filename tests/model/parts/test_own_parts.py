@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from afm_model import (
     Controller,
@@ -222,6 +223,45 @@ def test_a_plant_in_a_viscous_film_answers_a_step_by_the_closed_form(own):
     sample = scope.parameters.sample
     height = sample.beta * np.sin(sample.k_x * truth.position[:, 0]) * np.sin(sample.k_y * truth.position[:, 1])
     assert truth.tip_height == pytest.approx(height + truth.position[:, 2], abs=1e-15)
+
+
+def test_a_plant_holds_still_up_to_its_static_friction_and_slides_with_less_the_faster(own):
+    static, kinetic, speed = 2e-7, 1e-7, 1e-7
+    values = {"plant.kind": "own_parts.stribeck:STRIBECK", "plant.dt": 1e-5, "detector.sample_period": 1e-5}
+    scope = Instrument(build(SimParameters, values | {"plant.control_period": 1e-5}), 4000)
+    scanner, metres = scope.parameters.scanner, scope.parameters.piezo.sensitivity_x
+    mass = scanner.mass_ratio * scope.parameters.cantilever.m_c
+    holds = static / (mass * (2.0 * np.pi * scanner.f_x) ** 2 * metres)
+    for k in range(4000):
+        scope.tick(np.array([holds * 2.0 * (k + 1) / 4000, 0.0, 0.0]))
+    truth = scope.truth_of(scope.take_block().states)
+    moving = np.abs(truth.velocity[:, 0]) > 0.0
+    assert abs(int(np.flatnonzero(moving)[0]) - 2000) <= 1
+    # Friction of a step is that of the speed at its begin.
+    formula = kinetic + (static - kinetic) * np.exp(-np.square(np.roll(truth.velocity[:, 0], 1) / speed))
+    assert np.abs(truth.friction[moving, 0]) == pytest.approx(formula[moving], rel=1e-9)
+    assert formula[moving].min() < 0.6 * static
+
+
+def test_a_plant_whose_scanner_couples_x_and_y_answers_a_step_along_x_along_both(own):
+    values = {"plant.kind": "own_parts.coupled:COUPLED", "plant.dt": 1e-7, "detector.sample_period": 1e-6}
+    scope = Instrument(build(SimParameters, values | {"plant.control_period": 2e-6, "plant.y_by_x": 0.04}), 1000)
+    while not scope.block_full:
+        scope.tick(np.array([0.1, 0.0, 0.0]))
+    position, t = scope.take_block().measurements["position"], 2e-6 * np.arange(1000)
+    scanner, metres = scope.parameters.scanner, scope.parameters.piezo.sensitivity_x
+    for axis, f, xi, share in ((0, scanner.f_x, scanner.xi_x, 1.0), (1, scanner.f_y, scanner.xi_y, 0.04)):
+        w, end = 2.0 * np.pi * f, 0.1 * metres * share
+        step = signal.step(([w * w], [1.0, 2.0 * xi * w, w * w]), T=t)[1]
+        assert position[:, axis] == pytest.approx(end * step, abs=1e-3 * end)
+
+
+@pytest.mark.parametrize("plant", ["stribeck:STRIBECK", "coupled:COUPLED"])
+def test_laws_track_on_plants_of_ones_own(own, plant):
+    sim = build(SimParameters, AT_50_US | {"plant.kind": f"own_parts.{plant}", "run.duration": 0.12})
+    for law, percent in (("pid", 50.0), ("observer", 10.0)):
+        timed = at_timing(sim, build(ControllerParameters, {"law.kind": law}), 5e-5, 0)
+        assert np.nanmax(simulate(*timed).score.max_percent[:2]) < percent
 
 
 def test_a_fault_is_the_same_by_its_seed_and_another_by_another(own):
