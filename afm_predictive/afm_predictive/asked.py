@@ -8,7 +8,7 @@ import math
 from afm_model.parts import Measurement, hypot, kernel, routine, sincos
 
 from .constants import Constants
-from .nominal_plant import held_along_z, look, nominal_bound, stretched
+from .nominal_plant import held_along_z, look, nominal_bound, steps, stretched
 from .sample_estimate import REST
 from .state import State
 
@@ -88,6 +88,12 @@ def continue_reference(axis: int, first: float, n: int, p: Constants, s: State) 
             s.path[i, axis, 0] = p.corner[axis] * (1.0 - abs(4.0 * part - 2.0))
             if part > 0.5:
                 s.path[i, axis, 1] = -s.path[i, axis, 1]
+    if steps(p, s):
+        period = p.slots * p.fine
+        for i in range(0, n + 1, period):
+            middle = s.path[min(i + period // 2, n), axis, 0]
+            for j in range(i, min(i + period, n + 1)):
+                s.path[j, axis, 0], s.path[j, axis, 1] = middle, 0.0
 
 
 @kernel

@@ -24,10 +24,10 @@ SURFACES = {"known": 0, "observed": 1, "learned": 2}
 KNOWN, OBSERVED, LEARNED = range(3)
 UNEXPLAINED = 3
 """Numbers of an axis that the model does not explain: gamma, b, c."""
-VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE = range(10)
+VALUE, SLOPE_X, SLOPE_Y, OF_VALUE, OF_BOTH, OF_SLOPE, WAY_X, WAY_Y, MEAN, GONE, JUMPED = range(11)
 """What is followed of height and friction: value and slopes; covariances of value and slope; direction of the last
-step; mean, phase gone in it."""
-FOLLOWED = GONE + 1
+step; mean, phase gone in it; one: the last measurement was off."""
+FOLLOWED = JUMPED + 1
 AT_X, AT_Y, SPEED, RATIO, SLOPE = range(5)
 """States of the filter of positions alone: observer.py."""
 NODES = 128
@@ -91,6 +91,7 @@ class Constants(Record):
     frees: int  # one: a tip that rests behind the reference is freed
     taken: float  # radians of the shortest wave by which an error is taken back at most
     turn: float  # lambda of the direction of friction
+    in_steps: int  # one: what is not known is followed in steps
     ring: float  # part of a change of the load by which it still rings after a slot
     steps: int  # of the prediction in a slot
     dt: float
@@ -257,6 +258,7 @@ def values(parameters: Tree) -> Numbers:
         "frees": slot <= LONG and not (measured and slots > 1),
         "taken": _TAKEN_MEASURED if measured else _TAKEN,
         "turn": 1.0 - exp(-slot / max(division.response, slot)),
+        "in_steps": slots > 1 and not measured,
         "ring": exp(-slot * contact.zeta_n / math.sqrt(delta_load)),
         "steps": steps,
         "dt": slot / steps,

@@ -16,6 +16,8 @@ from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
 
 _FAR = 0.5
 """Innovation, or error that grows while the tip slips, over what standing still would cost."""
+_FAR_IN_PACKETS = 0.25
+"""The same where what follows is a step a control period: that costs little."""
 _TIMES = 2.0
 """Fallbacks after which no map is read any more."""
 _RETURN = 15.0
@@ -89,7 +91,7 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     slips = speed > REST * s.fastest
     leaves = e_x * s.V_X + e_y * s.V_Y > 0.0
     noise = SEEMS * p.position_noise if p.measured != 0 else 0.0
-    far = _FAR * s.reach + 3.0 * way + noise
+    far = (_FAR_IN_PACKETS if p.in_steps != 0 else _FAR) * s.reach + 3.0 * way + noise
     if min(s.gain_of[0], s.gain_of[1]) <= GAIN_LIMITS[0] or max(s.gain_of[0], s.gain_of[1]) >= GAIN_LIMITS[1]:
         # An estimate at its limit is not believed as much.
         far *= 0.5
@@ -101,7 +103,7 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
     if runs or (slips and ((missed > far and moved) or (leaves and off > far))):
         if s.distrust < 0.5:
             s.fallbacks += 1.0
-            s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 else 1.0
+            s.patience = max(1.0, _LATER * s.patience) if p.measured != 0 or p.in_steps != 0 else 1.0
             forget(p, s)
             s.ratio[VALUE] = s.ratio[MEAN] = min(s.ratio[VALUE], s.ratio[MEAN])
             if p.measured != 0:

@@ -126,6 +126,24 @@ def balance(axis: int, u: float, q: float, p: Constants, s: "State") -> float:
 
 
 @kernel
+def left_over(axis: int, q: float, v: float, u: float, p: Constants, s: "State") -> float:
+    """Mean force on an axis since the last measurement that the prediction from there did not contain."""
+    g_0, g_1 = p.Gamma_hold[axis, 0], p.Gamma_hold[axis, 1]
+    off, off_rate = s.expected[axis, 0] - q, s.expected[axis, 1] - v
+    return (g_0 * off + g_1 * off_rate) / (g_0 * g_0 + g_1 * g_1) + u - s.expected[axis, 2]
+
+
+@kernel
+def steps(p: Constants, s: "State") -> bool:
+    """Return whether the reference is followed by a step in each control period, after which the tip rests.
+
+    In packets friction that is wrong by some percent throws a tip that slides on for a control period and a delay. A
+    tip that rests most of the time is stopped by friction, however strong it is.
+    """
+    return p.in_steps != 0 and (s.distrust > 0.0 or (s.unknown != 0 and p.surface != LEARNED))
+
+
+@kernel
 def as_one_mass(p_x: float, p_y: float, unlike: float, radius: float) -> tuple[float, float]:
     """The momentum p turned to where friction lies near rest, for axes of unequal masses.
 

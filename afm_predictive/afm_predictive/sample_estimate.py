@@ -10,6 +10,7 @@ from .constants import (
     AT_Y,
     FOLLOWED,
     GONE,
+    JUMPED,
     MEAN,
     OF_BOTH,
     OF_SLOPE,
@@ -26,9 +27,11 @@ from .map import JUMP, raise_map
 from .nominal_plant import (
     balance,
     beyond,
+    left_over,
     look,
     look_at_known,
     nominal_bound,
+    steps,
     stretched,
 )
 
@@ -61,6 +64,8 @@ _AWAY = 2.0
 """How far the sample is at most from where it was touched last, over its largest height."""
 REST = 0.02
 """Speed over the largest one of the reference up to which the tip counts as resting."""
+SLIDES = 0.2
+"""Speed over the largest one of the reference from which on the tip counts as sliding."""
 _LEAST_RATIO = 0.1
 """Of friction, of which what is uneven about it is a part."""
 _INDEX = 10.0
@@ -84,8 +89,22 @@ def bend_of(way: float, t_x: float, t_y: float, size: float, p: Constants) -> fl
     return ROUGH * size * q * q * way
 
 
+@kernel
+def believed(f: Any, innovation: float, variance: float, seen: float) -> bool:
+    """Return whether a measurement counts: an outlier, one that jumps by itself, does not.
+
+    A second one in succession does, and one of which another signal has seen the larger part, `seen`; nan: every one.
+    """
+    before = f[JUMPED]
+    f[JUMPED] = 1.0 if innovation * innovation > JUMP * JUMP * variance else 0.0
+    alone = 2.0 * seen * innovation <= innovation * innovation  # false of nan
+    return f[JUMPED] == 0.0 or before != 0.0 or not alone
+
+
 @routine
-def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Constants) -> None:
+def follow(
+    f: Any, measured: float, d_x: float, d_y: float, size: float, floor: float, p: Constants, seen: float
+) -> bool:
     """Kalman filter of value and slope along the way, a step d further on.
 
     The second derivative is taken as constant in a step and independent from step to step, as in the tracking filters
@@ -123,21 +142,27 @@ def follow(f: Any, measured: float, d_x: float, d_y: float, size: float, floor: 
     expected = beyond(f, d_x, d_y, p)
     noise = max(floor, min(bend * way / _INDEX, size))
     innovation = measured - expected
-    if innovation * innovation > JUMP * JUMP * (of_value + noise * noise):
+    counts = believed(f, innovation, of_value + noise * noise, seen)
+    if f[JUMPED] != 0.0 and counts:
         # Not the surface that was assumed: what came before does not count.
         of_value, both = innovation * innovation, 0.0
+    if not counts:
+        innovation = 0.0
     gain, gain_slope = of_value / (of_value + noise * noise), both / (of_value + noise * noise)
     # The mean is that of the way gone, at most over a few waves.
     f[GONE] = min(f[GONE] + q * way, 8.0 * math.pi)
     if way > 0.0:
-        f[MEAN] += min(q * way / f[GONE], 1.0) * (measured - f[MEAN])
-    f[VALUE] = expected + gain * (measured - expected)
+        f[MEAN] += min(q * way / f[GONE], 1.0) * (expected + innovation - f[MEAN])
+    f[VALUE] = expected + gain * innovation
     if way > 0.0:
-        slope = min(max(slope + gain_slope * (measured - expected), -steepest), steepest)
+        slope = min(max(slope + gain_slope * innovation, -steepest), steepest)
         f[SLOPE_X], f[SLOPE_Y], f[WAY_X], f[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
+    if not counts:
+        gain = gain_slope = 0.0
     f[OF_SLOPE] = of_slope - gain_slope * both
     f[OF_VALUE] = (1.0 - gain) * of_value
     f[OF_BOTH] = (1.0 - gain) * both
+    return counts
 
 
 @kernel
@@ -153,7 +178,7 @@ def take_height(p: Constants, s: "State") -> None:
     if s.started == 0.0:
         begin(s.H, H, p.height, p.height_noise, p)
     else:
-        follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p.height_noise, p)
+        follow(s.H, H, s.X - s.at_x, s.Y - s.at_y, p.height, p.height_noise, p, math.nan)
 
 
 @kernel
@@ -277,9 +302,11 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     look(s.X, s.Y, p, s)
     nominal = nominal_bound(s.load, p, s)
     speed = hypot(s.V_X, s.V_Y)
+    seen = left_over(0, s.X, s.V_X, u_x, p, s) / (s.gain_of[0] * nominal)
     if speed <= REST * s.fastest:
         b_x, b_y = balance(0, u_x, s.X, p, s), balance(1, u_y, s.Y, p, s)
         size = math.sqrt(b_x * b_x + b_y * b_y)
+        lean = size / b_x if b_x != 0.0 else 0.0
         # Along x the signal tells friction; along y what the drive leaves, as well as that is known.
         if abs(b_x) > 0.3 * size:
             doubt = 0.0
@@ -287,6 +314,9 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
                 doubt = 3.0 * math.sqrt(variance(1, b_y, stretched(1, s.Y, s), s)) * abs(b_y) / size
             size = max(abs(force) * size / abs(b_x) - doubt, abs(force))
         held = size / nominal
+        off = max(held - s.ratio[VALUE], 0.0)
+        if not believed(s.ratio, off, s.ratio[OF_VALUE] + square(p.ratio_noise), seen * lean):
+            return 0.0
         s.ratio[VALUE] = max(s.ratio[VALUE], held)
         s.ratio[MEAN] = max(s.ratio[MEAN], held)
         # What a slope does not explain holds everywhere.
@@ -294,6 +324,9 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
             raise_map(held - s.here, s)
         return 0.0
     v_x = s.V_X
+    if steps(p, s) and speed <= SLIDES * s.fastest:
+        # A tip that comes to rest has no direction that tells friction.
+        return 0.0
     if abs(v_x) <= (TELLS if p.slots == 1 else _TELLS_IN_PACKETS) * speed:
         return 0.0
     measured = force * speed / (v_x * nominal)
@@ -303,12 +336,14 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
     if s.unknown == 0:
         # Nothing of it is left to follow but what changes slowly: the mean over a wave of the surface.
         phase = p.wave_number * (abs(d_x) + abs(d_y))
-        if abs(measured - s.ratio[VALUE]) > JUMP * p.ratio_noise:
+        if not believed(s.ratio, measured - s.ratio[VALUE], square(p.ratio_noise), seen * speed / v_x):
+            return 0.0
+        if s.ratio[JUMPED] != 0.0:
             s.slips = 1.0
         s.ratio[VALUE] += max(1.0 / s.slips, min(phase / (2.0 * math.pi), 1.0)) * (measured - s.ratio[VALUE])
         s.ratio[MEAN] = s.ratio[VALUE]
     elif s.slips == 1.0:
         begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
-    else:
-        follow(s.ratio, measured, d_x, d_y, p.ripple, noise, p)
+    elif not follow(s.ratio, measured, d_x, d_y, p.ripple, noise, p, seen * speed / v_x):
+        return 0.0
     return measured

