@@ -344,6 +344,9 @@ def take_ratio(force: float, u_x: float, u_y: float, p: Constants, s: "State") -
         s.ratio[MEAN] = s.ratio[VALUE]
     elif s.slips == 1.0:
         begin(s.ratio, measured, p.ripple, p.ratio_noise, p)
-    elif not follow(s.ratio, measured, d_x, d_y, p.ripple, noise, p, seen * speed / v_x):
-        return 0.0
+    else:
+        # Without friction the tip is in the air: that is believed at once.
+        seen = seen * speed / v_x if abs(measured) > TOUCHES else math.nan
+        if not follow(s.ratio, measured, d_x, d_y, p.ripple, noise, p, seen):
+            return 0.0
     return measured

@@ -39,7 +39,8 @@ def test_a_wrong_sensitivity_along_z_is_found(rate, surface):
     off = 1e-3 if RATES[rate].packet == 1 or surface != "observed" else 3e-2
     assert least - off < spring < most + off
     assert deviation < (5e-3 if RATES[rate].packet == 1 or surface == "known" else 2e-2)
-    assert abs(believed["slow_force_z"][-1]) < 3.0 * believed["slow_force_z_deviation"][-1]
+    sigmas = 3.0 if off == 1e-3 else 4.0
+    assert abs(believed["slow_force_z"][-1]) < sigmas * believed["slow_force_z_deviation"][-1]
 
 
 @pytest.mark.parametrize("surface", ["known", "observed", "learned"])

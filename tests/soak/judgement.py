@@ -8,6 +8,8 @@ from soak.sampling import Sample
 
 MEMORY_RATE = 1e5 / 60.0
 """Growth of the memory that is called flat [bytes per second]: 0.1 MB a minute, 144 MB a day."""
+INDEX_RATE = {"afm_recorder_node": 2e5 / 60.0}
+"""Growth in addition, of a process that keeps what it has to: the index of a record, 1.6 kB a chunk until its end."""
 RESOLUTION = 1e6
 """Memory that comes and goes with the moment [bytes]: less is no growth, however short the run."""
 COUNTS = ("descriptors", "threads", "segments")
@@ -31,7 +33,7 @@ class Use:
         return (self.end - self.begin) / self.seconds
 
 
-def judge(samples: Sequence[Sample], quantity: str) -> Use:
+def judge(samples: Sequence[Sample], quantity: str, kept: float = 0.0) -> Use:
     """Compare the last third with the first, so that a single moment decides nothing: medians, of counts the smallest.
 
     Memory has to grow from the first to the middle one and on to the last: while the machine stands still messages
@@ -41,6 +43,7 @@ def judge(samples: Sequence[Sample], quantity: str) -> Use:
     ----------
     samples : at least three, in order of time
     quantity : a field of `Sample`
+    kept : growth of the memory that is meant [bytes per second]
 
     Raises
     ------
@@ -59,4 +62,4 @@ def judge(samples: Sequence[Sample], quantity: str) -> Use:
     if quantity in COUNTS:
         return Use(begin, end, seconds, end <= begin)
     growth = 2.0 * min(between - begin, end - between)
-    return Use(begin, end, seconds, growth <= max(RESOLUTION, MEMORY_RATE * seconds))
+    return Use(begin, end, seconds, growth <= max(RESOLUTION, (MEMORY_RATE + kept) * seconds))

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from rich.console import Console
 from rich.table import Table
 
-from soak.judgement import COUNTS, Use, judge
+from soak.judgement import COUNTS, INDEX_RATE, Use, judge
 from soak.sampling import Sample
 
 HEADER = ("process", "memory [MB]", "MB a minute", "shared memory [MB]", *COUNTS, "processor", "flat")
@@ -13,8 +13,9 @@ HEADER = ("process", "memory [MB]", "MB a minute", "shared memory [MB]", *COUNTS
 
 def uses(samples: Mapping[str, Sequence[Sample]]) -> dict[str, dict[str, Use]]:
     """What became of each quantity of each process."""
+    quantities = ("memory", "shared", *COUNTS)
     return {
-        name: {quantity: judge(series, quantity) for quantity in ("memory", "shared", *COUNTS)}
+        name: {quantity: judge(series, quantity, INDEX_RATE.get(name, 0.0)) for quantity in quantities}
         for name, series in samples.items()
     }
 
