@@ -63,7 +63,7 @@ CLAIMED = {
 TEXTS = {
     r"tracking error, rms|the same trajectory in all|f0 = |tracking error along x, rms": "what a command prints",
     r" *law  runs  finished|warning: |\[\[ 9\.15": "what a command prints",
-    r"flowchart|law -> command|measurement --> estimate": "a drawing",
+    r"flowchart|law -> command|measurement --> estimate|control tick +0": "a drawing",
     r"<hardware>": "a part of a robot description",
     r"-p run\.spin_time:=": "arguments of a node",
     r"\[project\.entry-points": "a file of a package",
