@@ -1,4 +1,4 @@
-"""`afm nanonis SCENARIO`: a microscope in this process behind the ports of the protocol."""
+"""`afm nanonis SCENARIO`: serve a microscope in this process at the ports of the protocol."""
 
 import argparse
 import signal

@@ -1,4 +1,4 @@
-"""What takes time: one thing after the other, in a thread of its own, so that commands are answered meanwhile."""
+"""Do what takes time, one thing after the other, in a separate thread, so that commands are answered meanwhile."""
 
 import queue
 import threading

@@ -1,4 +1,4 @@
-"""The ports: connections beside one another, the commands of each one after the other."""
+"""Serve the ports: several connections at a time, the commands of each one after the other."""
 
 import socket
 import threading

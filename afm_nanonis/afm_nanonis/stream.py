@@ -1,4 +1,4 @@
-"""The data stream: signals again and again, to clients that are connected to a port of its own."""
+"""Send the data stream: signals again and again, to clients that are connected to a separate port."""
 
 import socket
 import struct

@@ -4,10 +4,10 @@ A row is `name | arguments | returns | how | meaning`. A name that ends with Set
 arguments are those of the Set, the returns those of the Get, which takes the indices of the Set (marked `@`) alone.
 
 Types: H h I i f d numbers, S a text, SA texts, M a matrix of f, T a table of texts; `*f` a count and so many numbers,
-`=f` as many as the count before said. Behind an argument stands what leaves a setting as it is: `/nan`, `/-1`, `/2`,
+`=f` as many as the count before said. After an argument stands what leaves a setting as it is: `/nan`, `/-1`, `/2`,
 `/""`; `!`: 0 leaves it, 1 is on, 2 is off, where the Get has 1 and 0; `<`: 0 leaves it, the Get has one less.
 
-How: `real` does or tells something of the microscope; `kept` is a setting that is stored and given back, with what it
+How: `real` does or reports something of the microscope; `kept` is a setting that is stored and given back, with what it
 is before (else zeros); `done` is answered and has no effect here.
 """
 

@@ -15,7 +15,7 @@ INTERVALS = 512
 SLOTS = LONGEST_HORIZON + 1
 """Drives of one answer, those in force before it included."""
 ANSWERS = 128
-"""Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement tells."""
+"""Last answers that are kept. Of an older one nothing is left but its last drive, which the measurement reports."""
 LONG = 4.0
 """Longest time for which a drive is held before a start warns [1/w0]."""
 LONGEST_DELAY = 30
@@ -54,8 +54,8 @@ _SLOWLY_Z = len(_SLOWLY) * (0.1,)
 _WAVE = 63.0
 """Time in which the tip runs over a wave of the surface [1/w0]: 6 ms at the paper's reference."""
 _UNEVEN = 3e-5
-"""Rms of a ratio about its mean over a known surface, whose correlation lasts a quarter of a wave: of the load that
-the deflection tells, what is not static."""
+"""Rms of a ratio about its mean over a known surface, whose correlation lasts a quarter of a wave: from the part
+that is not static of the load that the deflection shows."""
 _ASTRAY = 1.3e-4
 """Rms change of the position across the motion in a time unit, that the copy does not know [x0]."""
 _UNSEEN = 10.0
@@ -64,12 +64,12 @@ _TAKEN, _TAKEN_MEASURED = 3.0, 1.0
 """Error that is taken back in a response at most, in radians of the shortest wave; the same of an estimated one."""
 _BUMPS, _LESS_BUMPS = 0.8, 0.55
 """Ripple of friction that positions alone are corrected with, over that of the largest wave, friction being nominal;
-the same where a map or the last places tell a part of it."""
+the same where a map or the last places give a part of it."""
 _SOON, _SOON_MEASURED = 3.0, 4.5
 """Where it takes so long until the drive that answers a measurement is over, friction is sought from lower on [1/w0];
 the same with positions alone, where a map that is written meanwhile is worse for it."""
 _STEP = 0.125
-"""Longest step of the prediction [1/w0], which begins anew at each measurement."""
+"""Longest step of the prediction [1/w0], which starts again at each measurement."""
 _STEP_COPY = 0.05
 """The same of the copy of the plant of positions alone, which goes on from step to step."""
 _STEP_PHASE = 0.25
@@ -171,7 +171,7 @@ def first_deviations(law: Tree) -> list[list[float]]:
 def least_bound(law: Tree, hold: float) -> float:
     """Bound of friction over the nominal one from which on it is sought: from below.
 
-    What is half as strong as told would throw the tip off, in a packet, or with long holds and delays, before any
+    Friction half as strong as given would throw the tip off, in a packet, or with long holds and delays, before any
     drive that answers a measurement can stop it.
     """
     if law.friction == "nominal":

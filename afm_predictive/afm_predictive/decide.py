@@ -13,13 +13,13 @@ _MOST = 0.2
 """Largest turn of the direction of friction: the more the drive points across the line the farther friction that is
 lower than believed lets it throw the tip across."""
 _BESIDE = 0.5
-"""Part of the predicted error of x and y by which z is asked for beside the reference. With all of it the loop does not
-bear a drive that comes a period late."""
+"""Part of the predicted error of x and y: z is asked for at that distance from the reference. With all of the error the
+loop does not tolerate a drive that comes a period late."""
 
 _STUCK = 0.1
-"""Radians of the shortest wave from which on a tip that rests behind the reference is freed."""
+"""Error in radians of the shortest wave from which on a tip is freed that rests and lags the reference."""
 _SLOW = 0.1
-"""Way in a time unit over the error up to which a tip counts as resting, or soon to, beside a reference that rests.
+"""Way in a time unit over the error up to which a tip counts as resting, or soon to, next to a reference that rests.
 
 In packets a part of that: the next drive follows soon.
 """

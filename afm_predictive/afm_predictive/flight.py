@@ -1,4 +1,4 @@
-"""Drives on their way, slot by slot, and the reserve behind those of an answer.
+"""Plan the drives on their way, slot by slot, and the reserve after those of an answer.
 
 Each answer adds a few drives to the reserve and keeps the others. They bridge a controller, or a machine, that stands
 still for longer than an answer can be planned ahead in one go. The scanner is predicted from where the last reserve
@@ -18,8 +18,8 @@ from .state import State
 _MADE_UP = 8
 """Control periods without an answer that the next one makes up for in the reserve at most: that takes time as well."""
 _STRAYS, _STRAYED = 2.0, 4.0
-"""How far the predicted scanner is from the reference where the reserve begins anew: over the way of the reference, and
-besides [x0]."""
+"""How far the predicted scanner is from the reference where the reserve starts again: over the way of the reference,
+and in addition [x0]."""
 
 
 @kernel
@@ -93,7 +93,7 @@ def answer(planned: int, u: PiezoDrive, p: Constants, s: State) -> None:
 
 @kernel
 def first_of_reserve(k: int, p: Constants, s: State) -> int:
-    """Number of the first slot behind the drives planned for measurement k."""
+    """Return the number of the first slot after the drives planned for measurement k."""
     return k * p.slots + p.delay + p.count
 
 

@@ -36,8 +36,8 @@ def grid(hold: float, response: float, packet: int = 1) -> Grid:
     ----------
     hold : float [1/w0]
     response : float [1/w0]
-        0: the rule, one time unit, but neither below 1.6 holds (of long ones 8 time units, or one hold) nor above
-        two: so that the loop bears a drive that is one period late.
+        0: the rule, one time unit, but at least 1.6 holds (of long ones 8 time units, or one hold) and at most
+        two: so that the loop tolerates a drive that is one period late.
     packet : int
         Drives of a packet, all decided on one measurement: then four intervals a hold at least.
     """

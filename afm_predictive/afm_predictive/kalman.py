@@ -46,7 +46,7 @@ def weigh(noise: float, s: State) -> float:
 
 @kernel
 def correct(innovation: float, variance: float, s: State) -> None:
-    """Correct by the measurement last weighed, which is off by so much from the copy with the corrections so far."""
+    """Correct by the measurement last weighed, which differs by `innovation` from the copy as corrected so far."""
     for i in range(5):
         s.change[i] += s.gains[i] * innovation / variance
         for j in range(5):
@@ -55,7 +55,7 @@ def correct(innovation: float, variance: float, s: State) -> None:
 
 @kernel
 def take(i: int, off: float, noise: float, s: State) -> None:
-    """Correct by a measurement of state i, off by so much from the copy, with this variance."""
+    """Correct by a measurement of state i that differs from the copy by `off`, with the variance `noise`."""
     s.weights[:] = 0.0
     s.weights[i] = 1.0
     correct(off - s.change[i], weigh(noise, s), s)

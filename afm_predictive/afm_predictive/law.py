@@ -37,8 +37,8 @@ class PredictiveLaw(SampledLaw):
     )
     reserve: Annotated[int, Ge(0), Le(511)] = Field(
         0,
-        description="further drives behind those, planned a few with each answer and kept: they bridge a controller "
-        "that stands still",
+        description="further drives after those, planned a few with each answer and kept: they bridge a pause of the "
+        "controller",
     )
     feedback: Literal["full", "measured"] = Field(
         "full", description="full: positions and rates as measured; measured: an observer that positions correct"
@@ -72,7 +72,7 @@ class PredictiveLaw(SampledLaw):
     )
     corner_y: Annotated[NonNegative, Unit("m")] = Field(0.0, description="the same along y")
     response: Annotated[NonNegative, Unit("s")] = Field(
-        0.0, description="time in which an error vanishes; 0: 1/w0, but neither below 1.6 control periods nor above two"
+        0.0, description="time in which an error vanishes; 0: 1/w0, but at least 1.6 and at most 2 control periods"
     )
     height: Annotated[Positive, Unit("m")] = Field(
         12.5e-9, description="largest height of the sample about its mean, for an observed surface"
@@ -126,8 +126,8 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
         )
     if law.feedback == "measured" and slot * parameters.scales.w0 >= LONG:
         told.append(
-            f"the tip may be lost where friction is stronger than told: with law.feedback = measured a drive should be"
-            f" held for less than {LONG / parameters.scales.w0:g} s, it is for {slot:g} s; raise law.packet"
+            f"the tip may be lost where friction is stronger than configured: with law.feedback = measured a drive "
+            f"should be held for less than {LONG / parameters.scales.w0:g} s, it is for {slot:g} s; raise law.packet"
             " (docs/predictive.md)"
         )
     return told + [
@@ -171,7 +171,7 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
 
 
 def remark(state: Any) -> str:
-    """How often its guard has distrusted the model, and whether it does now; what is not as it was told."""
+    """Return how often the guard has distrusted the model, whether it does now, and what is not as configured."""
     told = []
     if state.fallbacks > 0.0:
         now = f"; distrust now {state.distrust:.2g} of 1" if state.distrust > 0.0 else ""
@@ -181,7 +181,7 @@ def remark(state: Any) -> str:
         told.append("the height measured is not that of sample.*: the surface is followed as law.surface = observed")
     if abs(state.learned[2, 1]) >= FIRST_Z[1]:
         told.append(
-            "a force along z is larger than the law learns, and the load is off by it: the zero of the z sensor is no "
-            "longer that of the piezo, or the z piezo drifts"
+            "a force along z is larger than the law learns, and is an error of the load: the zero of the z sensor is "
+            "no longer that of the piezo, or the z piezo drifts"
         )
     return "; ".join(told)

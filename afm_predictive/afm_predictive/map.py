@@ -1,7 +1,7 @@
 """Height and friction along the line of the reference, as a Gaussian process that every measurement updates.
 
 Cubic B-splines on a ring of nodes; their coefficients are jointly Gaussian with a squared exponential covariance, so
-that few measurements make a smooth map and its variance tells where it is known.
+that few measurements make a smooth map and its variance shows where it is known.
 """
 
 import math
@@ -62,7 +62,7 @@ def room(s: State) -> float:
 
 @kernel
 def seen_before(i: int, s: State) -> bool:
-    """Whether the tip was at node i and the three behind it a wave of its way ago or longer."""
+    """Return whether the tip was at node i and the three after it a wave of its way ago or longer."""
     for a in range(4):
         if s.way - s.visited[(i + a) % NODES] < AGE * s.pitch / SPACING:
             return False

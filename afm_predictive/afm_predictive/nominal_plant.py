@@ -51,7 +51,7 @@ def beyond(f: Any, d_x: float, d_y: float, p: Constants) -> float:
 
 @kernel
 def look_at_known(x: float, y: float, p: Constants, s: "State") -> None:
-    """Height as the z sensor sees it, curvature and strength of friction at (x, y) of the sample that was told."""
+    """Evaluate height as the z sensor sees it, curvature and strength of friction of the given sample at (x, y)."""
     # State and Constants have the fields of Surface and of the sample's constants.
     known: Any = (s, p)
     paper_surface(x, y, known[0], known[1], 0)
@@ -220,14 +220,14 @@ def take_load(y: Measurement, p: Constants, s: "State") -> None:
 
 @kernel
 def drives_of(kept: int, p: Constants, s: "State") -> Block:
-    """Drives of the answer kept at this place, x, y, z of one slot behind the other."""
+    """Return the drives of the answer kept at this place, x, y, z of one slot after the other."""
     count = 3 * p.longest
     return pointer_at(numbers_at(s.sent, ANSWERS * count), kept * count)
 
 
 @kernel
 def drive_of_period(k: int, j: int, axis: int, y: Measurement, p: Constants, s: "State") -> float:
-    """Drive that was in force in slot j behind measurement k, as the measurement y tells it."""
+    """Return the drive that was in force in slot j after measurement k, as the measurement y reports it."""
     kept = max(y.drive_sequence, 0) % ANSWERS
     if y.drive_sequence < 0 or s.answered[kept] != y.drive_sequence:
         return drive_in_force(axis, y, p, s)

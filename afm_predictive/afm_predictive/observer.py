@@ -51,7 +51,7 @@ _OFF = 2.0
 _RINGS = 5e-4
 """Change of friction in a time unit between two measurements of it, over its bound, that no line has."""
 _TELLS = 0.3
-"""Smallest cosine between the motion and x at which the force along x tells friction."""
+"""Smallest cosine between the motion and x at which the force along x shows friction."""
 _OFTEN = 20.0
 """Measurements in which friction was seen from which on its mean is known."""
 _PART_UNSEEN = 0.1
@@ -130,7 +130,7 @@ def rests_for_certain(t_x: float, t_y: float, size: float, p: Constants, s: Stat
 
 @kernel
 def doubt(miss: float, t_x: float, t_y: float, p: Constants, s: State) -> None:
-    """A position that is missed by more than noise: neither it nor the speed nor the ratio was known."""
+    """Raise the variances for a position missed by more than noise: position, speed and ratio were not known."""
     speed = min(abs(miss) / p.hold, s.fastest)
     for i, t in ((AT_X, t_x), (AT_Y, t_y)):
         s.P[i, i] += miss * miss
@@ -142,7 +142,7 @@ def doubt(miss: float, t_x: float, t_y: float, p: Constants, s: State) -> None:
 
 @kernel
 def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants, s: State) -> None:
-    """Write the row of the ratio seen in the lateral force: it also tells of the place.
+    """Write the row of the ratio seen in the lateral force, which depends on the place as well.
 
     At another place the surface has another bound, and the balance of forces another direction.
     """
@@ -162,9 +162,9 @@ def see_ratio(t_x: float, t_y: float, size: float, nominal: float, p: Constants,
 def take_ratio_seen(innovation: float, noise: float, missed: float, held: float, p: Constants, s: State) -> bool:
     """Correct by the ratio that is seen in the lateral force, by the row `s.weights`; whether the tip seems to slip.
 
-    It is never more than that of the bound. Less tells something while the tip slips only: while the copy does, or
-    where the tip went further than the copy by `missed`. Where friction, off by `held`, is all that the drive leaves
-    rest is the likelier cause.
+    The ratio is never more than that of the bound. A lower one means something only while the tip slips: while the copy
+    slips, or where the tip went further than the copy by `missed`. Where friction is all that the drive leaves, up to
+    `held`, rest is the likelier cause.
     """
     slips = s.V_X != 0.0 or s.V_Y != 0.0 or missed > 0.0
     if innovation < 0.0 and not slips:

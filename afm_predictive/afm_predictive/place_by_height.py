@@ -1,6 +1,6 @@
-"""Positions alone: the height of the sample under the tip tells where the tip is, docs/predictive.md (8.12).
+"""Find the place of the tip from the height of the sample under it, with positions alone, docs/predictive.md (8.12).
 
-Of a surface that was told, or of the map of the line, the slope is known. On a slope the heights of two places differ,
+Of a surface that was given, or of the map of the line, the slope is known. On a slope the heights of two places differ,
 and height is measured as well as a position: on a steep one a place is seen far better so than by the sensor of x or y.
 Without it a copy whose friction rises and falls with the surface as it lies at the wrong place runs away from the tip.
 """
@@ -20,7 +20,7 @@ from .state import State
 def slopes_of_map(x: float, y: float, p: Constants, s: State) -> float:
     """Write the slope of the map at (x, y) into the row; variance of a height read there. The place has been looked at.
 
-    The map tells nothing across its line, where the surface may be as steep as any. Along the line it was written at
+    The map knows nothing across its line, where the surface may be as steep as any. Along the line it was written at
     places that were known no better than this one.
     """
     height = s.height
@@ -36,7 +36,7 @@ def slopes_of_map(x: float, y: float, p: Constants, s: State) -> float:
 def take_height_seen(z: float, p: Constants, s: State) -> None:
     """Correct by the height of the sample with the scanner at the measured z, after positions and force.
 
-    In packets a map tells no place: there the tip goes too far between two measurements.
+    In packets a map shows no place: there the tip goes too far between two measurements.
     """
     single = p.slots == 1
     if s.unknown != 0 and not (single and p.surface == LEARNED):

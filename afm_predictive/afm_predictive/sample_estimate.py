@@ -44,7 +44,7 @@ _ANOTHER, _ANOTHER_FULL = 0.0225, 5e-4
 """Mean square over a wave by which a known surface is off the measured height, over its own, from which on it is
 another; the same of single drives and full feedback, where one that is seen under the tip is as good as a true one."""
 _THE_SAME = 0.25
-"""Part of that below which it is the one that was told again."""
+"""Part of that below which it is the given one again."""
 _ONE_ALONE = 4.0
 """The most that one measurement counts, over that."""
 _LONGER = 6.0
@@ -53,11 +53,11 @@ _HELD = 0.5
 """Radians of the shortest wave by which a tip that rests is off the reference, from which on friction holds it, however
 little is known of y."""
 TELLS = 0.005
-"""Smallest cosine between the motion and x at which the force along x tells friction, rates being measured."""
+"""Smallest cosine between the motion and x at which the force along x shows friction, rates being measured."""
 _TELLS_IN_PACKETS = 0.05
 """The same in packets, where the motion between two measurements is not steady."""
 TOUCHES = 0.1
-"""Ratio of friction above which the tip is on the sample for certain: in the air there is none."""
+"""Ratio of friction above which the tip is on the sample for certain: in the air there is no friction."""
 APPROACH = 0.005
 """By so much nearer to the sample than it is the tip is asked for, where it is not [z0]: 5 um/s at 50 us."""
 _AWAY = 2.0
@@ -234,7 +234,7 @@ def place_variance(s: "State") -> float:
 
 @kernel
 def doubt_surface(p: Constants, s: "State") -> None:
-    """Compare the surface that was told with the height that is measured; as long as it is another it is not known.
+    """Compare the given surface with the height that is measured; as long as they differ the surface is unknown.
 
     To be called where the tip slips on the sample.
     """
@@ -266,7 +266,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
 
 @kernel
 def write_row(friction: float, q: float, s: "State") -> None:
-    """Write what a force left over tells of gamma, b and c into `s.tells`."""
+    """Write the row of a force left over, by gamma, b and c, into the state."""
     s.tells[0], s.tells[1], s.tells[2] = friction, 1.0, q
 
 

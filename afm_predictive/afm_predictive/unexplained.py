@@ -23,10 +23,10 @@ GAIN_LIMITS = (0.1, 10.0)
 _SLIDING = 3e-3
 """Noise of friction over a period of one time unit while the tip slides, over the bound: its load is not static."""
 _NO_NOISE = 0.0075
-"""Of positions alone: deviation of a force beside the noise of the sensors, over friction. What no number of the model
-explains is no noise, and would be explained by all of them."""
+"""Of positions alone: deviation of a force in addition to the noise of the sensors, over friction. What no
+number of the model explains is no noise, and would be explained by all of them."""
 _SLOW = 2.0
-"""Speed over the largest one of the reference beyond which positions alone tell no balance of forces."""
+"""Speed over the largest one of the reference beyond which positions alone show no balance of forces."""
 SEEMS = 5.0
 """Standard deviations of a position by which a tip may seem to have moved."""
 NOTHING = (1.0, 0.0, 0.0)
@@ -49,7 +49,7 @@ _UNSEEN = 0.3
 _SURE = 3.0
 """Standard deviations."""
 _TELLS = 0.3
-"""Smallest cosine between the motion and x at which the force along x tells friction along y, in packets."""
+"""Smallest cosine between the motion and x at which the force along x shows friction along y, in packets."""
 
 
 @kernel
@@ -160,8 +160,8 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
 def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) -> None:
     """Learn of y from the direction in which the tip slides under the drive in force.
 
-    Friction turns a tip of speed v within v / f until nothing pushes across its way, whatever drives it along. That
-    tells y from x, also where the tip stops and starts between two measurements. Used from the first time on that it
+    Friction turns a tip of speed v within v / f until nothing pushes across its way, whatever drives it along. So
+    y follows from x, also where the tip stops and starts between two measurements. Used from the first time on that it
     contradicts what is believed.
     """
     v_x, v_y = s.V_X, s.V_Y

@@ -20,7 +20,7 @@ _SLOW = 0.003
 _FAR = 5.0
 """And by which a drive has to be, to have another zero."""
 _ALIKE = 0.1
-"""Part of friction by which signal and drive may tell another one at the start."""
+"""Part of friction by which signal and drive may disagree about it at the start."""
 _RESTS = 0.1
 """Way of a tip in a control period up to which it rests at the start [x0]."""
 
@@ -29,7 +29,7 @@ _RESTS = 0.1
 def find_zeros_at_start(y: Measurement, p: Constants, s: State) -> None:
     """Take what is left over at the start for the zero of the drive, if the tip rests.
 
-    Either the tip has been set down, and friction holds nothing; or signal and drive tell the same friction of x, which
+    Either the tip has been set down, and friction holds nothing; or signal and drive show the same friction of x, which
     lies along the reference. Along z the load is measured.
     """
     moves = hypot(y.velocity[0], y.velocity[1]) / (p.x0 * p.w0) * p.hold

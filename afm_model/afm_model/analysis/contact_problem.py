@@ -1,5 +1,6 @@
-"""Least squares behind `contact_fit`: deflection over the way of the scanner by a contact model, what is unknown, what
-is compared, and what the fit tells.
+"""Solve the least squares problem of `contact_fit`: what is unknown, what is compared, and the results of the fit.
+
+A contact model is fitted to the deflection over the path of the scanner.
 """
 
 import math
@@ -107,7 +108,7 @@ _FIRST_MODE = 3
 """Unknowns are: compliance over its first guess, logarithm of work over its own, place of the surface over the noise;
 how the baseline varies, in its uncertainties; logarithms of what is known with an uncertainty."""
 _FACTOR = 12.0
-"""Logarithm by which work, range and the like may be away from their first guess."""
+"""Largest logarithm of the ratio of work, or of a number that is known, to its first guess."""
 
 
 class Solution(NamedTuple):
@@ -234,7 +235,7 @@ class Problem:
         return np.concatenate(rows)
 
     def _slopes(self, x: _Array) -> _Array:
-        """Derivatives of `_left`. The steps are absolute: logarithms and the like may be zero."""
+        """Return the derivatives of `_left`. The steps are absolute: logarithms and other unknowns may be zero."""
         steps = np.full(x.size, 1e-3)
         steps[2 : self.first_known] = 1e-2
         changes = [step * unit for step, unit in zip(steps, np.eye(x.size), strict=True)]

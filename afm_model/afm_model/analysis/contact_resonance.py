@@ -79,7 +79,7 @@ def contact_stiffness(
 
 
 def _stiffness(ratio: float, mode: int, springs: tuple[float, float, float]) -> float:
-    """Over that of the cantilever, for a resonance at `ratio` times f0; NaN: there is none."""
+    """Return the stiffness over that of the cantilever, for a resonance at `ratio` times f0; NaN if none fits."""
     x = WAVE_NUMBERS[0] * math.sqrt(ratio)
     lateral, tilt, arm = springs
     lacks, linear, square = _determinant(x, lateral, tilt, arm)

@@ -13,8 +13,8 @@ _Array = NDArray[np.float64]
 class Estimate(NamedTuple):
     """A value and its standard uncertainty, both in the same unit; NaN where it is not known.
 
-    The truth is within two uncertainties in 95 % of all records (`tools/examine.py`). Where few independent numbers
-    tell the scatter, Student's distribution is in it, so that 68 % are within less than one.
+    The truth is within two uncertainties in 95 % of all records (`tools/examine.py`). If the scatter is estimated
+    from few independent numbers, Student's distribution is in it, so that 68 % are within less than one.
     """
 
     value: float
@@ -83,11 +83,11 @@ def mean(y: ArrayLike) -> Estimate:
     Raises
     ------
     ValueError
-        If there are none.
+        If no value is given.
     """
     y = np.asarray(y, np.float64)
     if y.size == 0:
-        raise ValueError("a mean needs at least one sample: there is none")
+        raise ValueError("a mean needs at least one sample: no sample is given")
     if y.size == 1:
         return Estimate(float(y[0]), math.nan)
     return Estimate(float(y.mean()), float(y.std(ddof=1)) / math.sqrt(y.size) * student(y.size - 1))
@@ -145,7 +145,10 @@ _SLOWEST = 10
 
 
 def student(freedom: float) -> float:
-    """Factor of a standard deviation that so many independent numbers tell, for 95 % within two of it (Student)."""
+    """Return the factor of a standard deviation that is estimated from so many independent numbers.
+
+    With it 95 % are within two standard deviations (Student).
+    """
     from scipy.special import stdtrit  # here: a recorder needs none
 
     return 0.5 * float(stdtrit(freedom, 0.5 + 0.5 * math.erf(math.sqrt(2.0))))
@@ -212,7 +215,7 @@ def correlated_mean(y: ArrayLike) -> Estimate:
     Raises
     ------
     ValueError
-        If there are none.
+        If no value is given.
     """
     y = np.asarray(y, np.float64)
     if y.size < 2:

@@ -217,8 +217,8 @@ def _pull_off(z: _Array, d: _Array, free: _Array, k: float, of_base: float) -> E
 
 
 def _least(z: _Array, d: _Array, order: int) -> tuple[float, _Array, float]:
-    """Least value of a polynomial through samples, up to half a step behind the last one; the weights of the samples in
-    it, and its uncertainty by not knowing where in this step it ends."""
+    """Return the least value of a polynomial through samples, up to half a step after the last one; the weights of the
+    samples in it, and its uncertainty from not knowing where in this step it ends."""
     x = (z - z[-1]) / (z[0] - z[-1])
     step = 1.0 / (z.size - 1)
     places = np.vander(np.append(-0.5 * step, np.linspace(0.0, 1.0, 201)), order + 1)

@@ -117,8 +117,8 @@ def energy_from_drive(
     shift : array_like [Hz]
         Frequency less that far from the sample.
     amplitude : float [m]
-        As the photodiode shows it, by a sensitivity that is that of a static force at the tip; it is kept, at a phase
-        of pi / 2 behind the drive.
+        As the photodiode shows it, by the sensitivity of a static force at the tip; it is kept constant, at a phase
+        that lags the drive by pi / 2.
     f0, Q, k : float [Hz], [], [N/m]
         First resonance, quality factor of each mode, spring constant.
     drive : "base" or "tip"

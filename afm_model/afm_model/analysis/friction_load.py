@@ -66,7 +66,7 @@ def friction_load_fit(
         come out.
     friction : array_like (n,) or sequence of Estimate [N]
         Half-widths of friction loops, as of `friction_loop`. Uncertainties weigh; how large they are altogether is
-        told by the scatter.
+        taken from the scatter.
     modulus : Estimate or float [Pa]
         Reduced modulus E*, as of `contact_fit`.
     radius : Estimate or float [m]
@@ -76,7 +76,7 @@ def friction_load_fit(
     reach : Estimate or float [m]
         Range z_0 of the adhesive stress, as in `contact_fit`.
     adhesion : Estimate, optional [N]
-        Pull-off force, as of `force_curve`, with its uncertainty: with few loads it is what tells the work of adhesion.
+        Pull-off force, as of `force_curve`, with its uncertainty: with few loads the work of adhesion follows from it.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
     friction = half the difference of trace and retrace, offset = half their sum
 
-The stick slope is that of the signal behind a turn: stiffness of cantilever, tip and contact in series.
+The stick slope is that of the signal after a turn: stiffness of cantilever, tip and contact in series.
 """
 
 import math
@@ -193,7 +193,7 @@ def _stick_slope(ways: list[tuple[_Array, _Array]], offset: float, reach: float,
 
 
 def _sticking(way: _Array, y: _Array, reach: float) -> tuple[NDArray[np.intp], _Array]:
-    """Samples behind a turn while a straight line through them is within reach, and how much each counts.
+    """Return the samples after a turn while a straight line through them is within reach, and how much each counts.
 
     Noise must not choose them one by one, which would make the slope too small; one more at an end must not change it.
     """

@@ -70,8 +70,8 @@ def contact_fit(
     """Modulus, work of adhesion and contact point from one force curve.
 
     Unknown are the modulus, the work of adhesion, the place of the surface, and the zero of the deflection, which the
-    free cantilever tells; and k, radius, reach and sensitivity within what is known of them.
-    The pull-off is a measured value too: with a soft cantilever it is what tells the adhesion. Noise counts with its
+    free cantilever shows; and k, radius, reach and sensitivity within what is known of them.
+    The pull-off is a measured value too: with a soft cantilever the adhesion follows from it. Noise counts with its
     correlation, taken from what the fit leaves. What is wrong about the model is slow, and so counts as well. The slope
     of the sample is not in the curve: it makes the modulus wrong by percents, without a word; see `along_normal`.
 
@@ -93,7 +93,7 @@ def contact_fit(
     part : str
         retract, approach or both. Friction along the cantilever, which turns while it bends, acts with opposite signs
         on the two: with both the modulus is the mean, half of the difference is in its uncertainty, and the rest is of
-        the retract. The approach begins where the force is zero, behind most of what rings after the snap-in.
+        the retract. The approach begins where the force is zero, after most of the ringing that the snap-in causes.
     sensitivity_error : float
         Relative standard uncertainty of the sensitivity by which the deflection was made. On a stiff sample nothing
         else counts: what the contact gives way is the difference of z and the deflection.

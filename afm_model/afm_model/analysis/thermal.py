@@ -27,10 +27,10 @@ RECTANGULAR = FIRST_MODE / SLOPE**2
 _SEGMENTS = 16
 _INDEPENDENT = (2 * _SEGMENTS - 1) / (35.0 / 18.0 + (2.0 * _SEGMENTS - 2.0) / (2.0 * _SEGMENTS - 1.0) / 6.0)
 """Spectra that count as independent. Bins of a Hann window have 4/9 and 1/36 of their variance in common with those one
-and two beside them, 35/18 in all; windows that overlap by half 1/12 with all bins of the next one."""
+and two bins away, 35/18 in all; windows that overlap by half 1/12 with all bins of the next one."""
 _PASSES = 200
 _WIDTHS, _BANDS, _FEWEST = 5.0, 6, 20
-"""Widths of the resonance to either side of it that are fitted, times that they are found anew, points of a fit."""
+"""Widths of the resonance to either side of it that are fitted, times that they are found again, points of a fit."""
 _DOUBTFUL = 0.3
 """Relative uncertainty of the variance from which on there is no resonance to speak of."""
 
@@ -101,7 +101,7 @@ def spring_constant(
     Raises
     ------
     ValueError
-        If an argument is not allowed, the record is too short for the resonance, or there is none in the band.
+        If an argument is not allowed, the record is too short for the resonance, or the band has no resonance.
     """
     from scipy.signal import welch  # here: a third of a second for nothing in a recorder, which needs no spectrum
 

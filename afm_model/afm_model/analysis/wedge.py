@@ -12,7 +12,7 @@ For F = m (N + A), A the adhesion, (1) gives with the sensitivity S, half-width 
 which D. F. Ogletree, R. W. Carpick and M. Salmeron, Rev. Sci. Instrum. 67 (1996) 3298, doi:10.1063/1.1147411, use at
 several loads, and M. Varenberg, I. Etsion and G. Halperin, Rev. Sci. Instrum. 74 (2003) 3362, at
 one load with the adhesion. Friction that follows the area of the contact is no straight line of the load: then take
-`wedge_by_flat`, which uses (1) with friction as it was measured beside the slope.
+`wedge_by_flat`, which uses (1) with friction as it was measured next to the slope.
 
 Signals are positive when the sample pushes towards the uphill side, which is what a tip that moves uphill feels.
 """
@@ -51,7 +51,7 @@ def wedge_ogletree(
     Parameters
     ----------
     load_up, load_down : array_like (n,) [N]
-        Vertical load on the way up and down, as the deflection tells: a z loop that lags behind makes them differ. Two
+        Vertical load on the way up and down, as the deflection shows: a z loop that lags makes them differ. Two
         loads at least.
     up, down : array_like (n,) [V]
         Mean signal on the way up and down the slope.
@@ -236,7 +236,7 @@ def _smaller_root(a: float, b: float, c: float) -> float:
     square = b * b - 4.0 * a * c
     if square < 0.0 or b >= 0.0:
         raise ValueError(
-            "no friction coefficient fits: the offset on the slope is too small beside the half-width, or has the "
-            "other sign (it must be positive where uphill is)"
+            "no friction coefficient fits: the offset on the slope is too small compared with the half-width, or has "
+            "the other sign (it must be positive where uphill is)"
         )
     return 2.0 * c / (-b + math.sqrt(square))

@@ -1,9 +1,9 @@
 """Compiled kernels on disk, each filed under a fingerprint of the sources that it was made from.
 
 numba's own cache checks only the file of the function itself: after an edit in a callee of another file it serves the
-old machine code. Here an edit compiles anew what depends on it and nothing else, and going back finds what was there
-before. Each kernel is a file of its own, written whole: processes at once do not disturb each other. What one of them
-compiles the others wait for.
+old machine code. Here an edit compiles again what depends on it and nothing else, and going back finds what was there
+before. Each kernel is a separate file, written whole: processes at the same time do not disturb each other. The others
+wait for what one of them compiles.
 
 Kernels of the shipped scenarios, compiled for any processor of the architecture, may stand in the package itself
 (tools/make_kernels.py): they are found by the same fingerprints, and save the first run ten seconds.
@@ -138,7 +138,7 @@ def _complain(why: str) -> None:
 
 
 def _described(code: types.CodeType, docstring: str | None = None) -> Any:
-    """What tells functions of one name in one file apart."""
+    """Return what distinguishes functions of one name in one file."""
     constants = [
         _described(each) if isinstance(each, types.CodeType) else repr(None if each is docstring else each)
         for each in code.co_consts
@@ -267,7 +267,7 @@ class KernelCache(caching._Cache):  # type: ignore[misc]
         self._enabled = True
 
     def disable(self) -> None:
-        """Neither read nor write from now on."""
+        """Stop reading and writing from now on."""
         self._enabled = False
 
     def flush(self) -> None:

@@ -55,7 +55,7 @@ class Function:
     Raises
     ------
     TypeError
-        If it cannot be compiled; the message tells why in one line.
+        If it cannot be compiled; the message says why in one line.
     """
 
     def __init__(self, function: Callable[..., Any], arguments: tuple[Argument, ...]) -> None:

@@ -92,7 +92,7 @@ def plain(function: _F) -> _F:
 
 
 def callback(signature: Any, function: Callable[..., object]) -> Any:
-    """Compile `function` as a C function of `signature`, cached beside the kernels."""
+    """Compile `function` as a C function of `signature`, cached next to the kernels."""
     options = {"error_model": "numpy"}
     signature = sigutils.normalize_signature(signature)
     made = _kept(CFunc(function, signature, locals={}, options=options, pipeline_class=Whole), function)

@@ -2,7 +2,7 @@
 
 A kernel that says `s.X += half * s.V_X` takes such a record in place of a pointer; compiled in a loop over the lanes it
 becomes vector code. What LLVM needs for it: a constant number of lanes, one flat array, no call that is not inlined, no
-integer division; and to be told that no lane touches what another one writes.
+integer division; and the information that no lane touches what another one writes.
 """
 
 import operator
@@ -34,8 +34,8 @@ _unbox: Any = _unbox_of
 LANES = 32
 """In a block: with more, its numbers leave the first caches of a processor."""
 AT_ONCE = 16
-"""Lanes in vectors at a time: several vectors, so that divisions of one wait beside those of another. A kernel that
-marks lanes is long, and its numbers would not stay in the registers of a processor: half as many.
+"""Lanes in vectors at a time: several vectors, so that divisions of one wait at the same time as those of another.
+A kernel that marks lanes is long, and its numbers would not stay in the registers of a processor: half as many.
 """
 _POINTER = ir.DoubleType().as_pointer()
 _WORD = ir.IntType(64)
@@ -344,7 +344,7 @@ class _Distinct(ir.MDValue):  # type: ignore[misc]
 
 
 def _of_no_other_lane(builder: Any, known: set[int]) -> Any:
-    """Tell of all accesses to memory but the known ones that no lane touches what another one writes."""
+    """Mark all accesses to memory but the known ones: no lane touches what another one writes."""
     module = builder.module
     group = _Distinct(module, (), str(len(module.metadata)))
     for block in builder.function.blocks:
@@ -358,7 +358,7 @@ def for_lanes(body: Any) -> Any:
     """A function for compiled code that calls the kernel `body(m, i, f)` for each lane m of a block (size * LANES,):
     `each(lanes, block, i, f)`, i an int and f a float.
 
-    The loop tells the compiler how many lanes to take at once.
+    The loop gives the compiler the number of lanes to take at once.
     """
 
     def each(typing_context: Any, lanes: Any, block: Any, i: Any, f: Any) -> Any:

@@ -30,7 +30,7 @@ class _PieceLibrary(codegen.JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
     def _get_module_for_linking(self) -> Any:
-        """For a function that is none of ours: with all that the piece calls."""
+        """Return the module with all that the piece calls, for a function that is not ours."""
         whole = _WholeLibrary(self._codegen, self.name)
         whole.add_linking_library(self)
         whole.link()

@@ -38,7 +38,7 @@ Block = Array
 
 
 class _RecordType(type):
-    """Makes the numpy type of a record from its annotations, behind those of its bases."""
+    """Makes the numpy type of a record from its annotations, after those of its bases."""
 
     dtype: np.dtype[Any]
 
@@ -73,7 +73,7 @@ class Record(metaclass=_RecordType):
     if TYPE_CHECKING:  # What numpy's records offer besides their fields.
 
         def copy(self) -> Self:
-            """A record of its own with the same numbers."""
+            """Return a separate record with the same numbers."""
 
         def __getitem__(self, field: str) -> Any: ...
 
@@ -196,7 +196,7 @@ def _compiled_address(block, index):  # type: ignore[no-untyped-def]
 
 
 def numbers_at(address: int, count: int) -> Block:
-    """The `count` float64 numbers at an address: an array of any length that is kept beside a block.
+    """The `count` float64 numbers at an address: an array of any length that is kept outside a block.
 
     Its address (`array.ctypes.data`) stands in an integer field of a record. Whoever puts it there keeps the array
     alive, and where it is, for as long as a kernel may read it. Compiled, this is the pointer alone, to be indexed or

@@ -1,6 +1,6 @@
 """What compiled code was made from: a fingerprint of a module and of all that it imports of packages with kernels.
 
-Comments, docstrings and the place of a line do not count. For the some 140 files behind the loop this takes 13 ms: what
+Comments, docstrings and the place of a line do not count. For the some 140 files of the loop this takes 13 ms: what
 a file says without its docstrings is looked up by the hash of its bytes, and found by `ast` only when that is new.
 """
 
@@ -126,7 +126,7 @@ class Sources:
         Raises
         ------
         OSError, SyntaxError
-            If a source cannot be read or is none.
+            If a source cannot be read or is not Python.
         """
         if module not in self._known:
             todo, seen = [(module, Path(file))], {module}

@@ -99,7 +99,7 @@ def end_of_contact(row: float, t: Block, at: int, rows: int) -> float:
 
 @kernel
 def force_at_end(row: float, t: Block, at: int, rows: int) -> float:
-    """Force there, likewise."""
+    """Return the force at the end of contact, in the units of `maugis`; arguments as in `look_up`."""
     if rows == 1:
         return t[at + 1]
     below = _whole(row, rows - 2, t)

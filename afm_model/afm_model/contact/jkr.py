@@ -36,7 +36,7 @@ _FIT = (0.9999994440079478, -0.4999525946326546, 0.29983788007852324, -0.1578578
 def u_of_indentation(d: float) -> float:
     """Root u >= (1/6)^(1/3) of u^4 - (2/3) u = d, docs/theory.md (11).
 
-    Written for y = u / (1/6)^(1/3) - 1 nothing cancels near the limit of fixed grips, nor far in contact.
+    Written for y = u / (1/6)^(1/3) - 1, nothing cancels near the limit of fixed grips or far in contact.
 
     Parameters
     ----------

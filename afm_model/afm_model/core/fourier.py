@@ -1,4 +1,4 @@
-"""A filter in two dimensions by the Fourier transform, in an order of its own (see `elementary`)."""
+"""Filter maps in two dimensions by the Fourier transform, in a fixed order of operations (see `elementary`)."""
 
 import math
 

@@ -2,7 +2,7 @@
 
 Each stream has a number, and its key is made of that and the seed of the run: to switch one on changes no other.
 Bits: SplitMix64 (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195) of key and count. Normal ones: the ziggurat of
-Marsaglia and Tsang (2000, doi:10.18637/jss.v005.i08), with layer and place from bits of their own.
+Marsaglia and Tsang (2000, doi:10.18637/jss.v005.i08), with layer and place from separate bits.
 """
 
 import math

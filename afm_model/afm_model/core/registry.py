@@ -67,7 +67,7 @@ def listed(text: str) -> list[str]:
 
 
 def add_parts(parser: argparse.ArgumentParser) -> None:
-    """Let the user of a command that reads a file name parts of their own: `parts`, for `reading`."""
+    """Add the option by which the user of a command that reads a file names other parts: `parts`, for `reading`."""
     parser.add_argument(
         "--parts",
         type=listed,
@@ -84,7 +84,7 @@ def find(family: str, name: str) -> Any:
     Raises
     ------
     ParameterError
-        If there is none of that name, or it cannot be imported, or it is none of this family.
+        If no part has that name, or the part cannot be imported, or it is not of this family.
     """
     if name in _OWN.get(family, {}):
         return _OWN[family][name]
@@ -188,7 +188,7 @@ def close() -> None:
 
 @contextmanager
 def _working_folder() -> Iterator[None]:
-    """Meanwhile modules are found in the working folder too, behind all others: none of theirs is hidden by it."""
+    """Find modules in the working folder too meanwhile, after all other folders, so that it hides none of theirs."""
     try:
         folder = os.getcwd()
     except OSError:  # it was removed

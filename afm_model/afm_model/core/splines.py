@@ -1,4 +1,4 @@
-"""Cubic splines at even spacing: of + - * / alone, in an order of their own (see `elementary`)."""
+"""Make cubic splines at even spacing from + - * / alone, in a fixed order of operations (see `elementary`)."""
 
 import math
 

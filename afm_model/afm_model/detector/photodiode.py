@@ -26,7 +26,7 @@ _Part = Annotated[float, Gt(-1), Lt(1)]
 
 
 class Photodiode(DetectorParameters):
-    """Photodetector and position sensors. What is not ideal about them is off by default."""
+    """Photodetector and position sensors. By default they are ideal."""
 
     noise: Annotated[NonNegative, Unit("V")] = Field(0.0, description="rms white noise of a photodetector sample")
     noise_density: Annotated[NonNegative, Unit("V/sqrt(Hz)")] = Field(

@@ -20,7 +20,7 @@ SENSORS = {
     "velocity_y": "m/s",
     "velocity_z": "m/s",
 }
-"""What a sensor tells the controller, with its unit."""
+"""Values that sensors give to the controller, with their units."""
 DRIVES = {"drive_x": "V", "drive_y": "V", "drive_z": "V"}
 MESSAGES = ("measurement", "drive")
 AXES = ("x", "y", "z")
@@ -67,7 +67,9 @@ KINDS = {
     "drift": Kind(_SIGNALS, "an offset is added that grows from 0", "rate", "{}/s", -_LARGEST, _LARGEST),
     "saturation": Kind(_SIGNALS, "it stays within +-size", "limit", "{}", 0.0, _LARGEST),
     "latency": Kind(MESSAGES, "each message is late by so much, in whole control periods", "time", "s", 0.0, _LARGEST),
-    "jitter": Kind(MESSAGES, "each message is late by a time of its own, from 0 to size", "time", "s", 0.0, _LARGEST),
+    "jitter": Kind(
+        MESSAGES, "each message is late by a different random time, from 0 to size", "time", "s", 0.0, _LARGEST
+    ),
     "loss": Kind(MESSAGES, "messages get lost", "part of them", "1", 0.0, 1.0),
     "friction": Kind(("none",), "friction of the sample is so many times its own", "factor", "1", 0.0, 100.0),
     "thermal": Kind(AXES, "the sample drifts, and stays where it is at the end", "rate", "m/s", -1e-6, 1e-6),
@@ -129,7 +131,7 @@ class Entry(Group):
 
     @property
     def of_the_sample(self) -> bool:
-        """Whether it acts on the motion itself, not on what is told or commanded."""
+        """Whether it acts on the motion itself, not on what is measured or commanded."""
         return self.kind in ("friction", "thermal")
 
     def describe(self) -> str:

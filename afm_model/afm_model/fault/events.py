@@ -1,4 +1,4 @@
-"""Begin and end of faults, for who tells about a run."""
+"""List the begin and end of faults, for reports about a run."""
 
 from typing import Any
 

@@ -15,7 +15,7 @@ MOST = 16
 SLOTS = LATENCY_TICKS + 1
 """Messages of each direction that may be on their way."""
 SENSED = place(Measurement, "reference_position")
-"""Numbers at the begin of a measurement that sensors have told."""
+"""Numbers at the beginning of a measurement that come from sensors."""
 
 
 class Constants(Record):
@@ -50,7 +50,7 @@ class Memory(Record):
 
 
 class OnTheirWay(Record):
-    """Messages on their way, 3.2 MB: kept beside the block, once there is a fault of messages."""
+    """Messages on their way, 3.2 MB: kept outside the block, once there is a fault of messages."""
 
     shown_at: Annotated[Integers, (SLOTS,)]  # tick at which sensor values arrive, by slot
     arrives_at: Annotated[Integers, (SLOTS,)]  # the same of a command; negative: it is lost, or there was none

@@ -41,9 +41,9 @@ def _arrival(k: int, message: int, p: Constants) -> int:
 
 @kernel
 def delay_measurement(k: int, y: Measurement, e: Delivery, p: Constants, f: Memory) -> None:
-    """Put sensor values that have arrived by tick k in place of its own, in measurement y.
+    """Replace the sensor values of measurement y by those that have arrived by tick k.
 
-    e tells whether there is a message at all.
+    e shows whether there is a message at all.
     """
     arrives = _arrival(k, MEASUREMENT_MESSAGE, p)
     # The first one finds its way: without it nobody would know that the run has begun.

@@ -1,4 +1,4 @@
-"""Faults of a signal: what a sensor tells, or the drive that is put in force."""
+"""Apply the faults of a signal: of the value of a sensor, or of the drive that is put in force."""
 
 import math
 

@@ -28,7 +28,7 @@ def write_gwy(path: Path | str, image: "Image | xarray.Dataset") -> Path:
 
     Row 0 of the file is the top of the picture, that is the largest y of the frame. Values are double precision in SI
     units. What is not measured is the layer's mean and masked, as Gwyddion itself does it with files that hold NaN.
-    The angle has no place of its own in the format; it is among the notes. There is no boolean component: a reader in
+    The angle has no separate place in the format; it is among the notes. There is no boolean component: a reader in
     use, AFMReader up to 0.0.7, never ends at one.
 
     Parameters
@@ -95,7 +95,7 @@ def _notes(layer: Layer, notes: dict[str, str]) -> dict[str, str]:
 def _top(scan: "Raster") -> float:
     """Place of the frame's top [m]: less its largest y, since Gwyddion's y grows downwards.
 
-    Two frames of one sample then lie beside each other as they are scanned, to its tools that stitch and crop.
+    Two frames of one sample then lie next to each other as they are scanned, for its tools that stitch and crop.
     """
     return -float(scan.centre_y + 0.5 * scan.height)
 

@@ -145,13 +145,13 @@ class ScanFile:
         Raises
         ------
         ResultFileError
-            If it cannot be written: the disk is full, the file is closed, or the line is none of this scan.
+            If it cannot be written: the disk is full, the file is closed, or the line is not in this scan.
         """
         if not self._file:
             raise ResultFileError(f"{self.path} cannot be written: it is closed")
         if not 0 <= line.index < self._frame.scan.lines:
             raise ResultFileError(
-                f"{self.path} cannot be written: line {line.index} is none of its {self._frame.scan.lines} lines"
+                f"{self.path} cannot be written: line {line.index} is not one of its {self._frame.scan.lines} lines"
             )
         row = self._frame.row(line.index)
         with self._failing():
@@ -199,7 +199,7 @@ def _place(channel: str, direction: str) -> str:
 def write_scan(path: Path | str, image: "Image | xarray.Dataset", *, overwrite: bool = False) -> Path:
     """Write a scan that is in memory into an HDF5 file, in the format of `ScanFile`.
 
-    The times of the lines are not in an `Image`: all are told to have begun at its start.
+    The times of the lines are not in an `Image`: in the file all lines begin at the start of the scan.
 
     Raises
     ------

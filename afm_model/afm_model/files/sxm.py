@@ -136,9 +136,9 @@ def _loop(notes: dict[str, str]) -> tuple[str, str, str]:
 def read_sxm(path: Path | str) -> Image:
     """Read a scan from a .sxm file, of this package or of others.
 
-    The channel `Z` becomes `height`, other names of this package likewise; names that it does not know stay. A channel
-    without a way back is NaN there. Of files of others, line rate and time of the start are those that the header
-    allows: the times of trace and retrace, and 0.
+    The channel `Z` becomes `height`, other names of this package are translated the same way; unknown names stay. A
+    channel without a way back is NaN there. Of files of others, line rate and time of the start are those that the
+    header allows: the times of trace and retrace, and 0.
 
     Raises
     ------

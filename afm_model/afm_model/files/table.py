@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Figures:
-    """Statistics of one layer, in its unit, over the measured pixels; NaN if there are none."""
+    """Statistics of one layer, in its unit, over the measured pixels; NaN if no pixel is measured."""
 
     layer: str
     title: str

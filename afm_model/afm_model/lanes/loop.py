@@ -148,7 +148,7 @@ def _end_all(blocks: Block, outcomes: Block) -> bool:
 
 @kernel
 def _step(m: Any, i: int, f: float) -> None:
-    """Integration step i of a tick, and what is true behind it."""
+    """Take integration step i of a tick, and evaluate what is true after it."""
     _move(m.tick.begin + i * m.tick.h, m)
     _look(m)
 

@@ -10,11 +10,11 @@ from ..parts.signals import Measurement, PiezoDrive
 
 
 class ExternalLaw(LawParameters):
-    """The law inside the simulator: by default there is none."""
+    """The law inside the simulator: by default it has no law."""
 
     kind: str = Field(
         "external",
-        description="law inside the simulator; external: there is none, a controller answers over topics",
+        description="law inside the simulator; external: no law, a controller answers over topics",
     )
 
 

@@ -93,7 +93,7 @@ def along(y: Measurement, p: Constants, after: float) -> tuple[float, float, flo
 def learn(y: Measurement, p: Constants, s: State, felt_x: float, felt_y: float) -> bool:
     """Learn the bound of friction from the load of the last period; whether the scanner moved, so that it was friction.
 
-    A scanner that is held still tells that the bound is not below the load.
+    A scanner that is held still shows that the bound is not below the load.
     """
     x, y_, speed = along(y, p, -0.5 * p.hold)
     before = x * s.before_2[0] + y_ * s.before_2[1]

@@ -70,7 +70,7 @@ class PidLaw(SampledLaw):
 
 
 class Gains(NamedTuple):
-    """PI behind a filter (b_0 + b_1 / z + b_2 / z^2) / (1 + a_1 / z + a_2 / z^2), of one axis."""
+    """PI after a filter (b_0 + b_1 / z + b_2 / z^2) / (1 + a_1 / z + a_2 / z^2), of one axis."""
 
     gain: float  # [w0^2]
     integral: float  # added to the sum in each period, over the error [w0^2]

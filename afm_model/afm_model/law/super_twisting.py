@@ -39,7 +39,7 @@ class SuperTwistingLaw(FeedbackLaw):
     friction_rate: Annotated[NonNegative, Unit("N/s")] = Field(
         0.0,
         description="bound on the rate of friction; 0: law.friction_bound / ((1 + law.delay_ticks) law.period), "
-        "the largest that samples at this rate tell from a jump",
+        "the largest that samples at this rate distinguish from a jump",
     )
 
 

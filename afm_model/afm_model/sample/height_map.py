@@ -1,4 +1,4 @@
-"""A sample from a height map in a file, with a map of materials beside it."""
+"""Make a sample from a height map in a file, with a map of materials in addition."""
 
 import math
 from functools import lru_cache

@@ -31,9 +31,9 @@ class StoredMap(NamedTuple):
 
 
 def read_field(path: str) -> StoredMap:
-    """The first map of a file.
+    """Read the first map of a file.
 
-    It is read by a process of its own, bounded in memory and time: no file ends or stops the one that asks.
+    A separate process reads it, bounded in memory and time: no file ends or stops the process that calls.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def file_stamp(path: str) -> int:
         why = error.strerror if isinstance(error, OSError) else str(error)
         raise ValueError(f"there is no file {_short(path)}: {why}") from None
     if not stat.S_ISREG(about.st_mode):
-        raise ValueError(f"there is no file {_short(path)}: it is none that holds data")
+        raise ValueError(f"there is no file {_short(path)}: it is not a regular file")
     return about.st_mtime_ns
 
 

@@ -1,6 +1,6 @@
 """The program that reads one map file: `python map_reader.py PATH`. It imports numpy and no part of this package.
 
-It writes a line of JSON, and behind it the numbers: `{"shape": [rows, columns], "width": , "height": }`, or
+It writes a line of JSON, and after it the numbers: `{"shape": [rows, columns], "width": , "height": }`, or
 `{"problem": a sentence}`. Whatever a file holds, this process is the one that it takes down: see `map_files`.
 """
 
@@ -40,7 +40,7 @@ def answer(path: str) -> bytes:
             row, column = (int(index[0]) for index in np.nonzero(~finite))
             raise ValueError(f"the value of row {row}, column {column} is no finite number")
         if not (0.0 <= width < math.inf and 0.0 <= height < math.inf):
-            raise ValueError(f"its size, {width:g} x {height:g} m, is none")
+            raise ValueError(f"its size, {width:g} x {height:g} m, must be finite and not negative")
     # A reader may raise anything: MemoryError, RecursionError, EOFError, errors of its own.
     except BaseException as error:
         known = isinstance(error, ValueError | OSError) and str(error)
@@ -186,7 +186,7 @@ def sxm(content: bytes) -> Sxm:
     Raises
     ------
     ValueError
-        If it is none, or shorter than its header says.
+        If it is not a .sxm file, or is shorter than its header says.
     """
     head, ended, data = content.partition(b"\n:SCANIT_END:\n")
     # Two bytes mark where the numbers begin.

@@ -37,8 +37,8 @@ def compare(
     A law that runs somewhere else (`Contender.start`) runs after those, one run at a time, against the same loop in
     this process.
 
-    A law is told what it declares of scanner, cantilever, scales, piezo, control period and delay, all of it right.
-    Nobody tells it of the sample, or of a friction that is not nominal. A loop that diverges is a result.
+    A law is given what it declares of scanner, cantilever, scales, piezo, control period and delay, all of it right.
+    It is not given the sample, or a friction that is not nominal. A loop that diverges is a result.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def compare(
     delay_ticks : sequence of int
         Delays in control periods.
     noise : sequence of float
-        Levels: 1 is 1 mV on the photodetector, 0.05 nm on the positions and an ADC of 16 bits; 0 is none.
+        Levels: 1 is 1 mV on the photodetector, 0.05 nm on the positions and an ADC of 16 bits; 0 is no noise.
     friction : sequence of float
         Shear strength of the contact over its nominal one.
     references : sequence of str

@@ -32,10 +32,10 @@ _UNDECLARED = "not declared"
 PATIENCE = 300.0
 """Wall time without an answer after which an object ends its process [s]."""
 _OFTEN = 1.0
-"""How often at most that time begins anew [s]: it takes a thread each time."""
+"""Shortest interval at which that time starts again [s]: it takes a thread each time."""
 _STANDARD_ERROR = 2
 Start = Callable[[SimParameters], AbstractContextManager[Any]]
-"""Starts a law that runs somewhere else, for one run: told the instrument as all laws are, it gives an object with
+"""Starts a law that runs somewhere else, for one run: given the instrument as all laws are, it gives an object with
 `answer(measurement)`; LawError if it does not start or answer. At the exit the law is ended."""
 
 
@@ -52,7 +52,7 @@ class Contender:
     values : dict
         Parameters that are not left at their default, by name within `law.`.
     start : callable, optional
-        Of a law that runs in a process of its own, a node for instance: starts it, see `Start`.
+        Of a law that runs in a separate process, a node for instance: starts it, see `Start`.
     """
 
     label: str
@@ -68,7 +68,7 @@ class Contender:
     def begin(self, told: SimParameters) -> AbstractContextManager[Any]:
         """Begin it for one run, if it is no part: made of the instrument with nominal friction and without noise.
 
-        It is told a copy of its own: what it changes there changes no run.
+        It is given a separate copy: what it changes there changes no run.
         """
         own = told.model_copy(deep=True)
         return self.start(own) if self.start is not None else _watched(load_law(self.kind)(own))
@@ -92,7 +92,7 @@ class Contender:
 
 @contextmanager
 def _watched(law: Any) -> Iterator[Any]:
-    """A law that is an object. If it gives no answer its process ends, and a traceback tells where it was.
+    """Watch a law that is an object. If it gives no answer its process ends, and a traceback shows where it was.
 
     Nothing else stops a loop without end in compiled code. Not where a debugger looks on.
     """
@@ -135,7 +135,7 @@ def contender(text: str) -> Contender:
         slow = build(SimParameters, {"plant.control_period": 1e-3})
         build(ControllerParameters, law_timing(made.parameters, slow) | made.parameters)
     elif values:
-        raise ParameterError(f"law {text}: an object takes no parameters here; give it those of its own in its code")
+        raise ParameterError(f"law {text}: an object takes no parameters here; set them in its code")
     return made
 
 
@@ -186,8 +186,8 @@ def load_law(kind: str) -> Any:
         raise ParameterError(f"law {kind} cannot be loaded: {type(error).__name__}: {error}") from error
     if getattr(found, "family", "law") != "law" or not (hasattr(found, "family") or callable(found)):
         raise ParameterError(
-            f"law {kind} is neither a law part nor a class: a class is called with the parameters that are told "
-            f"(SimParameters) and makes an object with answer(measurement)"
+            f"law {kind} is not a law part and not a class: a class is called with the parameters of the "
+            f"instrument (SimParameters) and makes an object with answer(measurement)"
         )
     return found
 

@@ -70,7 +70,7 @@ _GIVEN: Any = SimpleNamespace(block=external_law(), reset=lambda: None, raise_er
 class TrackingVectorEnv(VectorEnv):  # type: ignore[misc]
     """Many instruments at once, each to follow the reference of a scenario.
 
-    An episode is a run of the scenario with random numbers of its own. It is truncated at its end, and terminated when
+    Each episode is a run of the scenario with other random numbers. It is truncated at its end, and terminated when
     the motion diverges; the next step starts a new one, whatever its action is (`AutoresetMode.NEXT_STEP`).
 
     - Action: drive of x, y, z over `drive_range`, -1 to 1, from now on. One outside is refused

@@ -105,7 +105,7 @@ class LinearLoop:
     def distance(self, omega: _Array) -> float:
         """Smallest distance of the open loop from -1 at omega [rad/s], over all axes.
 
-        1 + L is det(z - closed loop) over det(z - loop cut): their roots tell where it is small, and there alone the
+        1 + L is det(z - closed loop) over det(z - loop cut): their roots show where it is small, and there alone the
         response is asked for.
         """
         z = np.exp(1j * omega * self.period)

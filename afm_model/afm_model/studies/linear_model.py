@@ -294,8 +294,8 @@ def jacobian(law: Controller, sliding: _Array, states: _Array, inputs: _Array) -
 def _slopes(
     law: Block, at: int, command: _Array, y: _Array, steps: _Array, integers: NDArray[np.bool_], found: _Array
 ) -> None:
-    """State from law[at] on, and drive, behind a measurement y, per change by `steps` of the state before and of y:
-    central differences, (state and drive, steps). Leaves the law as it was.
+    """Find the derivatives of the state from law[at] on, and of the drive, after a measurement y, by the state before
+    and by y: central differences by `steps`, (state and drive, steps). Leaves the law as it was.
     """
     n = len(integers)
     settled, seen = law[at:].copy(), y.copy()

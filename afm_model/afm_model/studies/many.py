@@ -49,7 +49,7 @@ def simulate_many(
     Returns
     -------
     xarray.Dataset
-        Each variable over `set` and `time` [s], vectors also over `axis`, SI units; NaN behind the end of a run that
+        Each variable over `set` and `time` [s], vectors also over `axis`, SI units; NaN after the end of a run that
         was refused or diverged. Over `set`: `trajectory_sha256`, `error` (empty where all went well), and the
         parameters as coordinates.
 

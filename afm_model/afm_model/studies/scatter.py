@@ -1,4 +1,4 @@
-"""Many runs over all cores, or a cluster: the engine behind `sweep` and `compare`.
+"""Make many runs over all cores, or a cluster: the engine of `sweep` and `compare`.
 
 The work is handed out by Dask, which is imported only when a study starts, like pandas.
 """
@@ -43,7 +43,7 @@ _WAITING = 3
 _TIMEOUT = 10.0
 """For the scheduler and its first worker to answer [s]."""
 _TOGETHER = 0.2
-"""In which all failures of one worker are told [s]."""
+"""Time in which all failures of one worker are reported [s]."""
 _NAMED = 6
 """Laws or sets that a sentence names."""
 _UNGUARDED = 'in a script, sweep must be called under if __name__ == "__main__":'

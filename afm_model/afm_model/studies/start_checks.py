@@ -25,7 +25,7 @@ def start_warnings(sim: SimParameters, controller: ControllerParameters) -> list
     """What is implausible in the instrument, and why a loop cannot work as it is set up: a sentence each, with its
     limit.
 
-    Of the loop: what the law itself tells of its rate; whether it is made for this period and delay; whether the
+    Of the loop: what the law itself reports about its rate; whether it is made for this period and delay; whether the
     linearised loop is stable, and up to which period or delay it would be.
     """
     plant = sim.plant

@@ -75,7 +75,7 @@ def sweep(
     DataFrame
         A row a set, in order, with the index of `parameters` if that is a DataFrame. Columns: the parameters; then the
         fields of `ScoreSummary` in SI units, vectors as `rms_x`, ranges as `friction_low`; and
-        `error`, missing where all went well, else the sentence that tells why the set was refused or
+        `error`, missing where all went well, else the message that says why the set was refused or
         diverged, or that a limit (`safety.*`) withdrew the sample in scored ticks.
 
     Warns

@@ -22,7 +22,7 @@ _Array = NDArray[np.float64]
 NUMBERS = ("error_max", "error_rms", "chatter", "energy", "tip_force", "contact", "margin", "z_rms")
 """Columns of a run."""
 FAILURES = (*REFUSALS, LawError)
-"""How a run ends that is told by a sentence in its row."""
+"""Errors that end a run and are reported by a message in its row."""
 _BLOCK_TICKS = 512
 _FREQUENCIES = 400
 """At which the distance of the open loop from -1 is looked at, up to half the control frequency."""

@@ -18,7 +18,7 @@ def height_limit(sim: SimParameters) -> float:
     """Error along z, rms, that is allowed [m]: what a tip has at most that is held at one height over the sample.
 
     Friction falls where a tip is pulled, so that one held high above the setpoint has an easier task along x and y. On
-    a sample without height: where the load is off by a tenth of the pull-off force.
+    a sample without height: where the load has an error of a tenth of the pull-off force.
     """
     cantilever = sim.cantilever
     stiffness = cantilever.m_c * square(2.0 * math.pi * cantilever.f_c)

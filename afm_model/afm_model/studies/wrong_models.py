@@ -1,4 +1,4 @@
-"""The table of wrong models: what a law does when what it was told of the microscope is not so."""
+"""Make the table of wrong models: what a law does when it is configured for another microscope than the true one."""
 
 import math
 import warnings
@@ -111,10 +111,10 @@ CASE = {case.title: case for case in CASES}
 
 
 def mixed(seed: int) -> Case:
-    """A case in which all that is told is wrong at once, each number by as much as in its row at most.
+    """Return a case in which all that is configured is wrong together, each number by as much as in its row at most.
 
-    Beside those the radius of the tip (20 %) and the sample that is told (height 10 %, wave numbers 3 %). Every second
-    draw has hysteresis and creep, every third crosstalk; the delay is a tick off in two of five.
+    In addition the radius of the tip (20 %) and the configured sample (height 10 %, wave numbers 3 %) are wrong. Every
+    second draw has hysteresis and creep, every third crosstalk; the delay is wrong by a tick in two of five.
 
     Parameters
     ----------
@@ -155,15 +155,15 @@ def _true(case: Case, rate: Rate, noise: float) -> dict[str, Value]:
 def parameters_of(
     case: Case, rate: Rate, law: Contender, noise: float = 0.0, seed: int = 0
 ) -> tuple[SimParameters, ControllerParameters]:
-    """Of one run of a part, the noise of the instrument of this level (`contender.NOISE`) in addition.
+    """Return the parameters of one run of a part, with noise of this level (`contender.NOISE`) in addition.
 
-    A law of this package is told the wrong number. One's own may have the right ones in its code, whatever it is told:
-    there the instrument is off, the other way, as for an object.
+    A law of this package is given the wrong number. A user's law may have the right numbers in its code, whatever it is
+    given: there the instrument is changed instead, the other way, as for an object.
 
     Raises
     ------
     ParameterError
-        If the law refuses what it is told.
+        If the law refuses what it is given.
     """
     own = law.parameters
     has = flatten(build(ControllerParameters, {"law.kind": law.kind}))
@@ -184,9 +184,9 @@ def parameters_of(
 
 
 def instruments_of(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0) -> tuple[SimParameters, SimParameters]:
-    """The instrument of one run of an object or a node, and the one that it is told.
+    """Return the instrument of one run of an object or a node, and the instrument that it is given.
 
-    Its law is its own, so what is told stays as it is: the instrument is off by as much the other way.
+    Its law is its own, so what it is given stays as it is: the true instrument differs by as much the other way.
     """
     reference = {name: value for name, value in case.true.items() if name.startswith("reference.")}
     told = _instrument(Case(case.title, reference, periods=case.periods), rate._replace(stir=0.0))
@@ -194,14 +194,14 @@ def instruments_of(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0) ->
 
 
 def _off(case: Case, rate: Rate, true: SimParameters) -> SimParameters:
-    """The instrument of a case, off by as much as a law of this package is told wrong, the other way."""
+    """Return the instrument of a case, changed by as much as a law of this package is given wrong, the other way."""
     plain = flatten(true)
     news: dict[str, Value] = {name: float(plain[name]) / by for name, by in case.told.items() if name in plain}
     return changed(true, news | {"plant.delay_ticks": max(0, rate.delay_ticks - case.ticks)})
 
 
 def _instrument(case: Case, rate: Rate, noise: float = 0.0, seed: int = 0, packets: bool = True) -> SimParameters:
-    """The instrument at a rate as it truly is, but for what is told wrong; `packets`: it may get several drives."""
+    """Return the true instrument at a rate, but for what is configured wrong; `packets`: it may get several drives."""
     cycle = 2.0 * math.pi / float(case.true.get("reference.omega_x", _OMEGA))
     if case.true.get("reference.omega_y", _OMEGA) != case.true.get("reference.omega_x", _OMEGA):
         cycle *= 2.0

@@ -141,7 +141,7 @@ def test_a_line_of_no_place_in_the_scan_or_after_its_end_is_refused_and_the_rest
     path = tmp_path / "scan.h5"
     file = ScanFile(path, image.scan, image.units)
     file.put(scans.line(image.scan, 0, RETRACE))
-    with pytest.raises(ResultFileError, match="line 4 is none of its 4 lines"):
+    with pytest.raises(ResultFileError, match="line 4 is not one of its 4 lines"):
         file.put(Line(4, TRACE, 0.0, {}))
     file.close()
     file.close()

@@ -231,7 +231,7 @@ def test_friction_and_noise_are_told_to_no_law(cluster):
         (["pid speed=2"], {}, "unknown parameter law.speed"),
         (["pid slowness"], {}, "law pid slowness: slowness is not allowed: a parameter is given as name=value"),
         (["pid slowness=-1"], {}, "law.slowness = -1 is not allowed"),
-        (["math:tau"], {}, "law math:tau is neither a law part nor a class"),
+        (["math:tau"], {}, "law math:tau is not a law part and not a class"),
         (["nowhere:Law"], {}, "law nowhere:Law cannot be loaded: ModuleNotFoundError"),
         (["pid", "pid"], {}, "a law is given twice"),
         (["pid", " pid"], {}, "a law is given twice"),
