@@ -39,7 +39,7 @@ def test_predictive_learns_what_it_was_told_wrong(title, rate, most):
 def test_preview_of_its_corners_makes_a_triangle_as_good_as_a_held_drive_can(rate, most):
     blind, foreseen = (
         run_case(CASE[title], RATE[rate], contender("predictive surface=known"))["third"]
-        for title in ("triangle", "triangle, corners told")
+        for title in ("triangle", "triangle, corners given")
     )
     assert foreseen < most and blind > 2.0 * foreseen
 
@@ -57,7 +57,7 @@ def test_a_tip_that_never_quite_rests_or_moves_along_one_axis_starts_all_the_sam
         ("noise", "1 ms packets", "learned"),
         ("patches x .9", "1 ms packets", "learned"),
         ("patches x .9", "200 us + 1", "learned"),
-        ("told a tick of delay too few", "200 us + 1", "known"),
+        ("a tick of delay too few", "200 us + 1", "known"),
         ("hysteresis 5 %, creep 1.5 %", "1 ms packets", "observed"),
     ],
 )
@@ -90,7 +90,7 @@ def test_a_law_that_diverges_is_lost_and_says_why():
 def test_what_is_told_wrong_is_told_to_the_controller_alone():
     sim, controller = parameters_of(CASE["resonances +2 %"], RATE["50 us + 1"], contender("predictive"))
     assert controller.scanner.f_x == pytest.approx(1.02 * sim.scanner.f_x)
-    late = parameters_of(CASE["told a tick of delay too few"], RATE["50 us + 1"], contender("predictive"))
+    late = parameters_of(CASE["a tick of delay too few"], RATE["50 us + 1"], contender("predictive"))
     assert (late[0].plant.delay_ticks, late[1].law.delay_ticks) == (1, 0)
 
 
@@ -203,7 +203,7 @@ def test_of_an_object_the_instrument_is_off_where_a_part_is_told_wrong():
 
 
 @pytest.mark.parametrize(
-    ("title", "delays"), [("told a tick of delay too few", (2, 1)), ("told a tick of delay too many", (0, 1))]
+    ("title", "delays"), [("a tick of delay too few", (2, 1)), ("a tick of delay too many", (0, 1))]
 )
 def test_of_an_object_the_delay_is_off_where_a_part_is_told_wrong(title, delays):
     true, told = instruments_of(CASE[title], RATE["50 us + 1"])
@@ -316,12 +316,12 @@ def test_a_part_of_ones_own_gains_nothing_by_ignoring_what_it_is_told(tmp_path, 
     rate = Rate("10 us", 1e-5, 0)
     listening, deaf = contender("pd_law:PD"), contender("fixed_law:FIXED")
     truth = run_case(CASE["the truth"], rate, deaf)["third"]
-    for title in ("resonances +5 %", "damping x 2", "sensitivity of the piezo -5 %", "told a tick of delay too few"):
+    for title in ("resonances +5 %", "damping x 2", "sensitivity of the piezo -5 %", "a tick of delay too few"):
         rows = [run_case(CASE[title], rate, law) for law in (listening, deaf)]
         assert rows[0] == rows[1] and rows[0]["third"] != truth
 
 
-@pytest.mark.parametrize("title", ["resonances +2 %", "told a tick of delay too many", "all wrong, draw 5"])
+@pytest.mark.parametrize("title", ["resonances +2 %", "a tick of delay too many", "all wrong, draw 5"])
 def test_of_a_part_of_ones_own_the_instrument_is_off_and_a_law_of_this_package_is_told_wrong(monkeypatch, title):
     monkeypatch.syspath_prepend(str(EXAMPLES))
     case, rate = CASE.get(title, mixed(5)), RATE["50 us + 1"]

@@ -6,7 +6,7 @@ from typing import Any
 from .schema import G, Group, Value, build, flatten, specified, with_parts
 
 
-def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()) -> G:
+def changed(parameters: G, news: Mapping[str, Value], afresh: Collection[str] = ()) -> G:
     """Change some of these parameters, by dotted names.
 
     If another part is chosen for a group, what both parts have by a common base class stays, such as the control
@@ -17,7 +17,7 @@ def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()
     ----------
     parameters : Group
     news : mapping
-    anew : collection of str
+    afresh : collection of str
         Groups of which nothing stays: what `news` does not give of them is its default.
 
     Raises
@@ -26,7 +26,7 @@ def changed(parameters: G, news: Mapping[str, Value], anew: Collection[str] = ()
         As `build`.
     """
     model = parameters.origin or type(parameters)
-    values = {name: value for name, value in flatten(parameters).items() if name.partition(".")[0] not in anew}
+    values = {name: value for name, value in flatten(parameters).items() if name.partition(".")[0] not in afresh}
     if any(name.endswith(".kind") for name in news):
         wanted = with_parts(model, {**values, **news})
         known = specified(wanted)

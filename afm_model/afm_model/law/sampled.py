@@ -123,19 +123,19 @@ def timing_disagreements(law: LawParameters, instrument: Tree) -> list[str]:
     return told
 
 
-def warn_of_timing(told: Sequence[str], of: str = "", stacklevel: int = 2) -> None:
+def warn_of_timing(found: Sequence[str], of: str = "", stacklevel: int = 2) -> None:
     """Warn of `timing_disagreements`: the one warning of all that run a law on an instrument.
 
     Parameters
     ----------
-    told : sequence of str
+    found : sequence of str
         As of `timing_disagreements`; of many sets the first of each set that has any.
     of : str
         For many sets: all of them, such as "12 sets". One warning counts them then, and names the first.
     stacklevel : int
         As of `warnings.warn`, seen from the caller of this function.
     """
-    sentences = [f"in {len(told)} of {of} {told[0]}"] if of and told else told
+    sentences = [f"in {len(found)} of {of} {found[0]}"] if of and found else found
     for sentence in sentences:
         warnings.warn(sentence, TimingWarning, stacklevel=stacklevel + 1)
 

@@ -270,4 +270,4 @@ def exchanged(parameters: Any, state: MicroscopeState, group: str, changes: Mapp
         )
     news = {f"{group}.{name}": value for name, value in changes.items()}
     # What was calibrated belongs to the probe of before.
-    return changed(parameters, news, anew=["calibration"] * (group == "plant"))
+    return changed(parameters, news, afresh=["calibration"] * (group == "plant"))

@@ -254,4 +254,4 @@ def law_under(
     own = law.parameters | feedback_of(law, noisy=float(conditions["noise"]) != 0.0)
     timing = law_timing(own, sim)
     same = common.scenario.controller.law.kind == law.kind
-    return changed(common.scenario.controller, timing | own, anew=() if same else ("law",))
+    return changed(common.scenario.controller, timing | own, afresh=() if same else ("law",))

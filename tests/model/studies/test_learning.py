@@ -28,7 +28,7 @@ TICKS = 100
 @pytest.fixture(scope="module")
 def scenario():
     found = load_scenario("closed_loop_predictive")
-    law = changed(found.controller, {"law.kind": "observer", "law.period": 5e-5}, anew=("law",))
+    law = changed(found.controller, {"law.kind": "observer", "law.period": 5e-5}, afresh=("law",))
     return replace(found, sim=changed(found.sim, SHORT), controller=law)
 
 
