@@ -74,7 +74,7 @@ def main():
     for name, values in LAWS.items():
         law = SCENARIO.controller
         if values is not None:
-            law = changed(law, {"law.kind": name.split(",")[0], "law.period": 5e-5, **values}, anew=("law",))
+            law = changed(law, {"law.kind": name.split(",")[0], "law.period": 5e-5, **values}, afresh=("law",))
         earned = rewards(simulate(SCENARIO.sim, law).measurements[1:], WORST)
         print(f"| {name} | {earned.mean():.3g} |")
 

@@ -49,7 +49,7 @@ def measured(voltage, seed):
     kinds = {"plant.kind": "paper", "sample.kind": "flat", "plant.z": "held", "plant.seed": seed}
     times = {"plant.control_period": PERIOD, "detector.sample_period": PERIOD, "run.duration": TICKS * PERIOD}
     others = {"score.start": 0.0, "detector.position_noise": NOISE}
-    sim = changed(given, kinds | times | others, anew=("plant", "sample"))
+    sim = changed(given, kinds | times | others, afresh=("plant", "sample"))
     run = simulate(sim, Given(voltage))
     mass, omega = sim.scanner.mass_ratio * sim.cantilever.m_c, 2.0 * np.pi * sim.scanner.f_x
     k = mass * omega**2

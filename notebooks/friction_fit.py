@@ -33,7 +33,7 @@ def _scenario(**values):
     given = {name.replace("__", "."): value for name, value in values.items()}
     kinds = tuple(name.split(".")[0] for name in given if name.endswith(".kind"))
     scenario = load_scenario("open_loop")
-    return replace(scenario, sim=changed(scenario.sim, given | {"score.start": 0.0}, anew=kinds))
+    return replace(scenario, sim=changed(scenario.sim, given | {"score.start": 0.0}, afresh=kinds))
 
 
 LOOP = _scenario(
