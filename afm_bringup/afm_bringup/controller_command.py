@@ -25,7 +25,7 @@ from .exam.log import Log
 from .exam.procedure import LONG_TICKS, Procedure
 from .exam.rules import Terms
 from .processes import Processes
-from .scenario_input import read_scenario, write_parameters
+from .scenario_input import read_scenario, with_ros_arguments, write_parameters
 
 _CONTROLLER = "the controller"
 _END_TIME = 10.0
@@ -128,10 +128,10 @@ def _examine(scenario: Scenario, command: list[str], arguments: argparse.Namespa
     with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
         parameters = Path(folder) / "parameters.yaml"
         write_parameters(scenario, parameters, {})
-        given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:=/{topics.NAMESPACE}"]
-        ros = given if arguments.ros_arguments else ()
+        if arguments.ros_arguments:
+            command = with_ros_arguments(command, parameters, f"/{topics.NAMESPACE}")
         with TopicConnection(topics.NAMESPACE, scenario.sim, processes) as connection:
-            processes.start(_CONTROLLER, [*command, *ros], printed or Path(folder) / "log")
+            processes.start(_CONTROLLER, command, printed or Path(folder) / "log")
             print(f"waiting for the controller, {_START_TIMEOUT:g} s at most ...", file=sys.stderr, flush=True)
             if not connection.connect(_START_TIMEOUT, MATCHED):
                 incompatible = connection.incompatible()

@@ -23,7 +23,7 @@ from afm_model.studies import Contender
 from .domain import claim_domain
 from .exam.procedure import Connection
 from .processes import Processes
-from .scenario_input import write_parameters
+from .scenario_input import with_ros_arguments, write_parameters
 
 _Array = NDArray[np.float64]
 _NODE = "the node"
@@ -148,11 +148,11 @@ def _started(
     with _interruptible(), _domain_of_its_own(), tempfile.TemporaryDirectory() as folder, Processes(last="") as nodes:
         parameters = Path(folder) / "parameters.yaml"
         write_parameters(scenario, parameters)
-        given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:=/{NAMESPACE}"]
-
+        if ros_arguments:
+            command = with_ros_arguments(command, parameters, f"/{NAMESPACE}")
         with TopicConnection(NAMESPACE, sim, nodes) as connection:
             try:
-                nodes.start(_NODE, [*command, *(given if ros_arguments else ())], Path(folder) / "log")
+                nodes.start(_NODE, command, Path(folder) / "log")
             except OSError as error:
                 raise LawError(f"{_NODE} could not be started: {error.strerror}") from None
             if not connection.connect(_START_TIMEOUT):

@@ -57,6 +57,13 @@ def foreign_sections(scenario: Scenario) -> list[str]:
     return [key for key in scenario.sections if key not in _OURS]
 
 
+def with_ros_arguments(command: Sequence[str], parameters: Path, namespace: str) -> list[str]:
+    """Return a command with the parameters of a scenario and a namespace; what the command sets itself wins."""
+    given = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:={namespace}"]
+    own = command.index("--ros-args") if "--ros-args" in command else len(command)
+    return [*command[:own], *given, *command[own:]]
+
+
 def write_parameters(scenario: Scenario, path: Path, more: Mapping[str, Mapping[str, object]] | None = None) -> None:
     """Write the sections of a scenario for `--params-file`.
 

@@ -8,7 +8,7 @@ from afm_model.core.schema import flatten
 
 from .files import executable
 from .results_folder import RECORDING
-from .scenario_input import write_parameters
+from .scenario_input import with_ros_arguments, write_parameters
 
 RECORDER, SIMULATOR, CONTROLLER, LIVE = "afm_recorder_node", "afm_sim_node", "afm_controller_node", "live"
 OWN, COMPOSED, INSIDE, EXTERNAL = "", "composed", "inside", "external"
@@ -61,5 +61,6 @@ def commands(
     if controller == OWN:
         found[CONTROLLER] = [executable(CONTROLLER, CONTROLLER), *arguments]
     elif controller not in (INSIDE, EXTERNAL):
-        found["controller"] = [*shlex.split(controller), *(arguments if ros_arguments else ())]
+        words = shlex.split(controller)
+        found["controller"] = with_ros_arguments(words, parameters, namespace) if ros_arguments else words
     return found

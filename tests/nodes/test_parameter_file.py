@@ -7,7 +7,7 @@ import pytest
 from rclpy.node import Node
 from support import Graph
 
-from afm_bringup.scenario_input import read_scenario, write_parameters
+from afm_bringup.scenario_input import read_scenario, with_ros_arguments, write_parameters
 from afm_model import flatten
 from afm_node_common.parameters import declare
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
@@ -86,3 +86,14 @@ def test_nodes_started_by_hand_read_the_one_section_as_a_session_does(tmp_path: 
         for given, wanted in ((sim, read.sim), (law, read.controller)):
             values = {name: value for name, value in flatten(given).items() if not name.startswith("process.")}
             assert values == flatten(wanted)
+
+
+def test_law_that_a_command_chooses_itself_is_the_one_that_runs(tmp_path: Path) -> None:
+    scenario, written = tmp_path / "scenario.yaml", tmp_path / "written.yaml"
+    scenario.write_text("/**/afm_controller_node:\n  ros__parameters: {law: {kind: pid}}\n")
+    write_parameters(read_scenario(str(scenario)), written)
+    command = with_ros_arguments(["node", "--ros-args", "-p", "law.kind:=observer"], written, "/afm")
+    assert command[0] == "node"
+    with Graph(command[1:]) as graph:
+        law = declare(graph.add(Node("afm_controller_node")), ControllerNodeParameters).law
+    assert law.kind == "observer"
