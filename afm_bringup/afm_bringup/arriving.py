@@ -51,5 +51,5 @@ class Arriving:
         return self.image.missing(lines_done) if self.image is not None else 2 * lines_done
 
     def has_news(self, lines_done: int, before: int) -> bool:
-        """Whether one has come behind so many, or none of so many lines is missing."""
+        """Return whether more than `before` lines have come, or none of the `lines_done` lines is missing."""
         return not self.missing(lines_done) or self.received > before

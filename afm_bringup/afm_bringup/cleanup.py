@@ -1,8 +1,8 @@
 """A process that ends whatever a session has left running, however the session itself ended.
 
 It runs as `python cleanup.py MARK` and sees the end of the session because its standard input closes.
-The processes of a session carry a mark in their environment. Children inherit it, also behind a shell, in the
-background or as a daemon.
+The processes of a session carry a mark in their environment. Children inherit it, also if a shell starts them,
+in the background or as a daemon.
 """
 
 import os

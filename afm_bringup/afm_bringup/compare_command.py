@@ -109,7 +109,7 @@ def _require_options_that_count(arguments: argparse.Namespace) -> None:
     allowed = ("draws", "scenario") if arguments.node else ("draws",)
     if refused := [f"--{name}" for name in arguments.given if name not in allowed]:
         raise ParameterError(
-            f"{', '.join(refused)} is not allowed with --robust: the table of wrong models has conditions of its own; "
+            f"{', '.join(refused)} is not allowed with --robust: the table of wrong models has fixed conditions; "
             f"--noise with one level, --draws and, with --node, --scenario are"
         )
 
@@ -155,7 +155,7 @@ def main() -> int:
     for line in not_ranked(comparison):
         print(line)
     for law in comparison.contenders:
-        print(f"{law.label} is told: {law.knowledge}")
+        print(f"{law.label} is given: {law.knowledge}")
     print(f"{arguments.out / PAGE}, {CSV}, {LATEX}")
     return 0
 

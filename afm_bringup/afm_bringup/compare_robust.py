@@ -92,18 +92,18 @@ def robust_picture(rows: Rows) -> Figure:
     panels[0][0].set_yticks(range(len(cases)), cases, fontsize=7)
     panels[0][0].set_ylim(len(cases) - 0.4, -0.6)
     figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
-    title = "what the law is told is wrong; hollow: first period; dashed: median of the third; crosses: lost"
+    title = "the law is given a wrong model; hollow: first period; dashed: median of the third; crosses: lost"
     figure.suptitle(title, fontsize=9)
     return figure
 
 
 def robust_table(rows: Rows) -> str:
-    """Error in the first -> the third period, a row a case, a column a rate; the laws one behind the other.
+    """Tabulate the error in the first -> the third period: a row a case, a column a rate; in a cell the laws in order.
 
     Of several runs the medians; in brackets the worst one in the third period.
     """
     rates = list(_by(rows, "rate"))
-    lines = [f"| told or true | {' | '.join(rates)} |", "| --- |" + " --- |" * len(rates)]
+    lines = [f"| given or true | {' | '.join(rates)} |", "| --- |" + " --- |" * len(rates)]
     for case, runs in _by(rows, "case").items():
         cells = ["; ".join(map(_cell, of_rate)) for of_rate in _by(runs, "rate").values()]
         lines.append(f"| {case} | {' | '.join(cells)} |")

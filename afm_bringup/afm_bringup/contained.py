@@ -1,8 +1,8 @@
 """`ros2 run afm_bringup contained COMMAND ...`: run a command, and leave nothing running that it has started.
 
-`ros2 launch` signals the process that it has started, and no other: what that has started, such as a controller behind
-a shell script, goes on. This stands between the two. It runs the command as a session does: when it is asked to end, or
-the command ends, or the launch has been killed, everything that the command has started is ended.
+`ros2 launch` signals only the process that it has started. What that process has started, such as a controller that a
+shell script runs, goes on. This program stands between the two. It runs the command as a session does: when it is
+asked to end, or the command ends, or the launch has been killed, everything that the command has started is ended.
 """
 
 import os

@@ -55,7 +55,7 @@ def claimed_domain(of: str = "") -> socket.socket | None:
     Parameters
     ----------
     of : str
-        Whose it is: then it is told which.
+        Who uses the domain: its number is then printed.
 
     Raises
     ------

@@ -74,7 +74,7 @@ class Follower:
             detail = status.detail.removesuffix("; still waiting")
             if status.state in (InstrumentStatus.HELD, InstrumentStatus.WITHDRAWN):
                 raise RunFailure(f"{detail}; that was {self._stall_timeout:g} s ago")
-            raise RunFailure(f"{detail}, nor for {self._stall_timeout:g} s after that")
+            raise RunFailure(f"{detail}, and not for {self._stall_timeout:g} s after that")
         return bool(status.state == InstrumentStatus.FINISHED) and self._monitor.score is not None
 
     def wait_until_recorded(self, check: Callable[[], bool]) -> None:

@@ -1,4 +1,4 @@
-"""A node as a law of a comparison: started anew for every run, in lockstep over topics."""
+"""A node as a law of a comparison: started again for every run, in lockstep over topics."""
 
 import dataclasses
 import os
@@ -41,7 +41,7 @@ class DriveConnection(Connection, Protocol):
     """How measurements reach the node, and its drives come back."""
 
     def take_drive(self) -> tuple[int, _Array | Command | DriveError] | None:
-        """Sequence and drive of the oldest message not yet taken; None if there is none."""
+        """Return sequence and drive of the oldest message not yet taken; None if no message is left."""
         ...
 
 
@@ -137,7 +137,7 @@ def _sections_for_node(scenario: Scenario, sim: SimParameters) -> Scenario:
 def _started(
     command: list[str], scenario: Scenario, sim: SimParameters, ros_arguments: bool, absent: list[str]
 ) -> Iterator[NodeLaw]:
-    """The node, started in a ROS domain of its own and connected; at the exit it is ended.
+    """Start the node in a separate ROS domain and connect it; end it at the exit.
 
     `absent` receives the reason if it does not connect.
     """

@@ -140,14 +140,14 @@ def processor_time(pid: int | str) -> float:
 
 
 class Processes:
-    """The nodes of a session. Neither they nor their child processes outlive the session. A context manager.
+    """The nodes of a session. They and their child processes do not outlive the session. A context manager.
 
     Parameters
     ----------
     last : str
         Name of the one that is ended last, so that it hears the others out.
     spare : str
-        Name of one that shows what the last one has done: ended behind it, and nothing depends on it.
+        Name of one that shows what the last one has done: ended after it, and nothing depends on it.
     """
 
     def __init__(self, last: str, spare: str = "") -> None:
@@ -225,7 +225,7 @@ class Processes:
         return any(process.name == self._spare and not process.ended for process in self._running)
 
     def note_shared_memory(self) -> None:
-        """Note the shared memory in use, to remove the files that a killed node leaves behind."""
+        """Note the shared memory in use, to remove the files that a killed node leaves."""
         for pid in self._pids():
             with suppress(ProcessLookupError, PermissionError):
                 self._shared_memory |= used_by(pid)

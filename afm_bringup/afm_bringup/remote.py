@@ -73,7 +73,7 @@ class Remote(Backend):
 
     @property
     def state(self) -> MicroscopeState:
-        """See `Backend`: as it was told last."""
+        """See `Backend`: as the microscope reported it last."""
         self._remote.spin_until(lambda: True, 0.0)
         told = self._remote.status
         return MicroscopeState(

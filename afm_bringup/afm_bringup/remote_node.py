@@ -32,7 +32,7 @@ SETTLED = 1.0
 
 
 class RemoteNode:
-    """Connection to a microscope, with a context and an executor of its own. To be used by one thread.
+    """Connection to a microscope, with a separate context and executor. To be used by one thread.
 
     Its parameters, and what it raises, are those of `Remote`.
     """
@@ -102,12 +102,12 @@ class RemoteNode:
                 raise VerbError(f"the microscope has ended while {name} was being done")
 
     def _publishers(self) -> set[bytes]:
-        """Which microscopes there are: one that was started anew is another one."""
+        """Return which microscopes there are: one that was started again is another one."""
         infos = self.node.get_publishers_info_by_topic(self.node.resolve_topic_name(topics.MICROSCOPE))
         return {bytes(info.endpoint_gid) for info in infos}
 
     def presence(self, ready: Callable[[], bool]) -> Callable[[], bool]:
-        """A function that tells whether the microscope of now is still there, and `ready`."""
+        """Return a function: whether the present microscope is still there, and `ready`."""
         now = self._publishers()
         return lambda: ready() and not (now and now.isdisjoint(self._publishers()))
 
@@ -152,7 +152,7 @@ class RemoteNode:
         self.spin_until(lambda: self.news > news and not self.status.doing, timeout)
 
     def abandon(self, goal: Any, over: Callable[[], bool], timeout: float) -> None:
-        """Cancel a verb and wait until it is `over`, or the microscope has told nothing new for `timeout` [s]."""
+        """Cancel a verb and wait until it is `over`, or the microscope has reported nothing new for `timeout` [s]."""
         goal.cancel_goal_async()
         news = self.news
 

@@ -1,7 +1,7 @@
 """The folder of a session's results: only complete files have their final names, and nothing gets lost.
 
 What is under way stands in `unfinished-<date>-<time>` in there. A session that fails leaves its recordings there; so
-does one that is killed, without a hand of its own.
+does one that is killed, although it cannot act then.
 """
 
 import fcntl
@@ -31,7 +31,7 @@ class ResultsFolder:
     path : Path
         Made if it is not there.
     names : sequence of str
-        Final names of the results, beside the recordings.
+        Final names of the results, without those of the recordings.
 
     Raises
     ------
@@ -146,7 +146,7 @@ class ResultsFolder:
         return [self.path / name for name in names]
 
     def _keep_logs(self) -> None:
-        """Logs of the nodes go beside the results; those of the session before are replaced."""
+        """Move the logs of the nodes next to the results; those of the session before are replaced."""
         logs = self.path / "logs"
         found = sorted(self.work.glob("*.log")) + sorted(self.work.glob("*.yaml"))
         if found:

@@ -137,7 +137,7 @@ def main() -> int:
 
 
 def _first(mode: str, out: Path, folder: Path) -> Path:
-    """The scenario of the first image; its sample is kept beside the results."""
+    """Write the scenario of the first image; keep its sample next to the results."""
     sample = write_sample(out / "sample")
     content = yaml.safe_load(config(f"{_FIRST[mode]}.yaml").read_text())
     content["/**/afm_sim_node"]["ros__parameters"]["sample"] = sample

@@ -65,7 +65,7 @@ class Session:
     live: bool = False
 
     def __post_init__(self) -> None:
-        """A console beside the results."""
+        """Make a console in addition to the results."""
         self._console = Console(stderr=True)
 
     def run(self) -> None:

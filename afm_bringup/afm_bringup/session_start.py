@@ -15,7 +15,7 @@ _START_TIMEOUT = 180.0
 _AT_WORK = 0.1
 """Part of the time that counts while they compute, or wait for a processor: a first start compiles the kernels."""
 _SAY_PERIOD = 20.0
-"""Wall time after which a start that takes longer is told, again and again [s]."""
+"""Wall time after which a start that takes longer is reported, again and again [s]."""
 _INCOMPATIBLE_TIME = 2.0
 """Wall time after which a controller that the middleware does not connect ends the session [s]: discovery is over."""
 
@@ -58,7 +58,7 @@ class Start:
                 raise SessionError(f"{name} could not be started: {' '.join(command)}: {error.strerror}") from None
 
     def _wait_for(self, there: Callable[[], bool], missing: Callable[[], str]) -> None:
-        """Wait, and tell what for; no longer than `_START_TIMEOUT` without a change of what is missing.
+        """Wait, and report what for; no longer than `_START_TIMEOUT` without a change of what is missing.
 
         On a slow or busy machine a start takes any time: while the processes are at work only a part of it counts.
         """

@@ -157,7 +157,7 @@ class ControllerNode(Node):
         remark = self._controller.remark
         if remark != self._remark:
             self._remark = remark
-            self.get_logger().warning(f"law {law}: {remark or 'begins anew'}")
+            self.get_logger().warning(f"law {law}: {remark or 'begins again'}")
         last = self.drops.last
         self._diagnostics.publish(law, self._reply.answers, self.drops.count, self._presence.problem, last, remark)
 

@@ -33,7 +33,7 @@ def reply(law: Block, words: Integers, sent: Integers, answer: Block) -> bool:
         Sequence answered last; number of answers; number of words up to the sequence; what these words must be, which
         bits of them count, the last one being run_id; the message from its first bytes on.
     sent : ndarray of int64
-        The drive behind its first bytes.
+        The drive after its first bytes.
     answer : ndarray
         Numbers of PiezoDrive: what the law writes.
     """

@@ -151,7 +151,7 @@ def hold_answers(node: Node) -> None:
 
 
 class AnsweringServer(ActionServer):
-    """An action server that takes a goal, and tells its result, when the client hears the answer.
+    """An action server that takes a goal, and sends its result, when the client hears the answer.
 
     That of rclpy forgets a goal whose client did not hear that it was accepted, and the client waits for ever. A goal
     whose client is not found is not taken. To cancel one nobody has to wait.

@@ -3,7 +3,7 @@
 Measurement and PiezoDrive, of which every control tick has one each: both are a header, run_id, sequence and then
 numbers of 8 bytes only, so their CDR encoding is a fixed layout once the length of frame_id is known (a PiezoDrive with
 a horizon: `drive_codec`). Reading and writing it in place costs about a microsecond where rclpy's typed messages cost
-tens. Bytes that are no such message, with nothing behind it, are refused with `MalformedError`, whoever sent them and
+tens. Bytes that are no such message, with nothing after it, are refused with `MalformedError`, whoever sent them and
 whatever they are. `BlockEncoder` writes the long messages for recorders. The bytes are those of rclpy's own serializer
 (padding apart), which is checked when a codec is made: any ordinary subscriber sees normal messages, and any ordinary
 publisher is understood.
@@ -103,7 +103,7 @@ class Codec:
     size : int
         Number of those numbers.
     tail : bytes
-        What stands behind them in every message that is read and written in place.
+        What follows them in every message that is read and written in place.
     fast : bool
         False: go through rclpy's serializer each time. The bytes are the same.
     """

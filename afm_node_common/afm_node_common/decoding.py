@@ -31,7 +31,7 @@ def nanoseconds(stamp: Any) -> int:
 
 
 def value_of(value: Any) -> Any:
-    """The value in an rcl_interfaces/ParameterValue: a number, a text or a list; None if there is none.
+    """Return the value in an rcl_interfaces/ParameterValue: a number, a text or a list; None without a value.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Taking and publishing serialized messages with nothing between the control loop and rclpy's handles.
 
 An executor wakes, builds a wait set over every entity of the node and dispatches in Python: hundreds of microseconds a
-message. On the control loop's one subscription the message is taken directly, and while there is none the thread
+message. On the control loop's one subscription the message is taken directly, and until one has come the thread
 sleeps in a wait set over that subscription alone. The handles are entered once, not for every message.
 
 `take_message`, `publish_raw` and the wait set are rclpy's own building blocks but not its documented surface, so they

@@ -1,7 +1,7 @@
 """PiezoDrive between a drive of the model, with or without a horizon, and the bytes on the wire.
 
 A drive without a horizon, which every ordinary controller sends, has the fixed layout of `Codec`: the horizon's period
-and its length, both zero, stand behind the voltages.
+and its length, both zero, follow the voltages.
 """
 
 import struct

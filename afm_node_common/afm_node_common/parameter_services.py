@@ -1,7 +1,7 @@
 """What `ros2 param set` and `ros2 param load` may send, put right or refused before rclpy sees it.
 
 rclpy alone refuses `5` or `4e-08` for a number that may have decimals, refuses a value that cannot change even if it is
-the one in force, and raises out of the service, which ends the node, if the type of a value is none that exists.
+the one in force, and raises out of the service, which ends the node, if the type of a value does not exist.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -103,7 +103,7 @@ def _checked(node: Node, spec: Specification | None, message: ParameterMessage) 
     Raises
     ------
     _Refused
-        If there is none of that name, or the value is of another type.
+        If no parameter has that name, or the value is of another type.
     """
     name, value = message.name, message.value
     if not node.has_parameter(name):

@@ -1,4 +1,4 @@
-"""Periodic tasks beside a control loop."""
+"""Periodic tasks in addition to a control loop."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

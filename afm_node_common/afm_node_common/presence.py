@@ -59,7 +59,7 @@ class Presence:
         publishers = {bytes(info.endpoint_gid) for info in infos}
         if self._publishers and publishers - self._publishers:
             self._node.get_logger().warning(
-                f"{self._name} publishes {self._topic} anew: it was started again, or there are two of that name"
+                f"{self._name} publishes {self._topic} again: it was restarted, or there are two nodes of that name"
             )
         self._publishers |= publishers
         problem, silent = "", now > self._heard_at + SILENCE

@@ -1,4 +1,4 @@
-"""The service `preview_reference`: what measurements to come will tell of the reference."""
+"""The service `preview_reference`: what measurements to come will contain of the reference."""
 
 import array
 

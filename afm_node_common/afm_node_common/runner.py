@@ -34,7 +34,7 @@ SERVE_PERIOD = 0.02
 LOOK_PERIOD = 0.005
 """Wall time between two looks at timers, parameters, services and actions [s]; the nodes take turns.
 
-A loop that waits for deadlines looks right behind a tick, at the latest when this has passed twice.
+A loop that waits for deadlines looks right after a tick, at the latest when this has passed twice.
 """
 NEXT_LOOK = 0.001
 """The same after a look that has found something, at the same node [s]: a goal and its result take several looks."""
@@ -44,7 +44,7 @@ _EVENTS_EVERY = 200
 
 @runtime_checkable
 class Looping(Protocol):
-    """A node with a loop of its own, beside what its executor serves."""
+    """A node with a loop in addition to what its executor serves."""
 
     def step(self) -> bool:
         """Do what can be done without waiting; False if there was nothing to do."""
@@ -123,7 +123,7 @@ def usage(name: str, model: type[Group]) -> str:
 
 
 def chosen_kinds(arguments: Sequence[str]) -> dict[str, str]:
-    """Parts that a command line chooses (`-p law.kind:=my_package:LAW`): `--help` tells their parameters too."""
+    """Return the parts that a command line chooses (`-p law.kind:=my_package:LAW`); `--help` lists their parameters."""
     assigned = (argument.partition(":=") for argument in arguments if ":=" in argument)
     return {name: value for name, _, value in assigned if name.endswith(".kind")}
 
@@ -167,7 +167,7 @@ def run_together(nodes: Sequence[tuple[Callable[[], Node], type[Group]]], args: 
     # remove_ros_args takes the first for the name of the program.
     _, *unknown = remove_ros_args(["", *arguments])
     if unknown:
-        print(f"error: unknown argument {unknown[0]}: parameters go behind --ros-args, see --help", file=sys.stderr)
+        print(f"error: unknown argument {unknown[0]}: parameters go after --ros-args, see --help", file=sys.stderr)
         rclpy.try_shutdown()
         return 2
     made: list[Node] = []

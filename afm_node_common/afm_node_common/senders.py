@@ -60,5 +60,5 @@ class Senders:
 
     @staticmethod
     def _others(times: list[float], now: float) -> int:
-        """How many of the endpoints of one name, found at these times, live beside the last one."""
+        """How many of the endpoints of one name, found at these times, live in addition to the last one."""
         return sum(newer == older or now > newer + LEASE for older, newer in pairwise(times))

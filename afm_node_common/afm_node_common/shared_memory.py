@@ -1,6 +1,6 @@
 """Shared memory of the middleware: the files of a process, and the removal of unused files.
 
-Fast DDS removes its files when their last user ends. It does not when a user was killed, nor when its watchdog has
+Fast DDS removes its files when their last user ends. It does not when a user was killed, or when its watchdog has
 called a port unhealthy, which takes a machine that stands still for a second. What is left then breaks or delays later
 starts, until somebody removes it by hand.
 """
@@ -22,7 +22,7 @@ _NAME = re.compile(r"fast(?:dds|rtps)_\w+(?<!_el)(?<!_sl)(?<!_mutex)")
 _OLD = 60.0
 """Age after which no process is about to open or lock a file for the first time [s]."""
 _LOCKS = ("_el", "_sl")
-"""Endings of the lock files beside a file: of its one owner, of its readers."""
+"""Endings of the lock files next to a file: of its one owner, of its readers."""
 _BESIDE = re.compile(r"(?:sem\.)?(?P<file>fast(?:dds|rtps)_\w+?)(?:_el|_sl|_mutex)")
 """A lock file, or the mutex of a port."""
 
@@ -62,7 +62,7 @@ def old() -> set[File]:
 def remove_stray() -> None:
     """Remove locks and mutexes that are a minute old and whose file is missing.
 
-    Fast DDS removes a port whose owner was killed when it wants its number, and may leave what stood beside it.
+    Fast DDS removes a port whose owner was killed when it wants its number, and may leave what stood next to it.
     """
     for path, _ in _minute_old():
         beside = _BESIDE.fullmatch(path.name)
@@ -100,7 +100,7 @@ def shared_memory_cleanup() -> Iterator[None]:
     """Around the end of this process's nodes and context: remove the files that are unused afterwards.
 
     These include the files that killed nodes of other runs have left: some 0.5 MB each, that stay until the machine is
-    started anew.
+    restarted.
     """
     files = used_by(os.getpid())
     yield

@@ -69,13 +69,13 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
 CONTROL_QOS = _reliable(10)
 """Measurement and PiezoDrive: nothing is lost at 1 kHz and beyond, where best effort of depth 1 loses up to 2 %."""
 MEASUREMENT_QOS = _reliable(5000)
-"""What the simulator keeps of Measurement for a recorder that falls behind: what it lacks is sent again."""
+"""What the simulator keeps of Measurement for a recorder that is too slow: what it lacks is sent again."""
 MEASUREMENT_IN_REALTIME_QOS = _reliable(2000)
-"""The same in real time, where a controller that stood still is sent what it has missed first: no more than what it may
-be behind, or its drives would be too old for ever.
+"""The same in real time, where a controller that stood still is sent what it has missed first: no more than
+it may lag, or its drives would be too old for ever.
 """
 STREAM_QOS = _reliable(1000)
-"""Blocks for recording: room for a recorder that falls behind for seconds."""
+"""Blocks for recording: room for a recorder that is too slow for seconds."""
 EVENTS_QOS = _reliable(100, DurabilityPolicy.TRANSIENT_LOCAL)
 """What has happened, and parameters, are kept for a recorder that joins late."""
 SCAN_LINE_QOS = _reliable(1024, DurabilityPolicy.TRANSIENT_LOCAL)

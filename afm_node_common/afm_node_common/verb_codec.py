@@ -1,6 +1,6 @@
 """Verbs and what they bring back as actions of afm_msgs, both ways: by the fields that both declare, of the same names.
 
-A verb of this package has an action of its own. Any other is asked for by the action `verb`, with its fields as
+A verb of this package has a separate action. Any other is asked for by the action `verb`, with its fields as
 parameters and a result of named arrays.
 """
 
@@ -26,7 +26,7 @@ from afm_model.microscope.verb import Verb, find
 from .decoding import channels_of, values_of, variable_of
 
 ANY = "verb"
-"""Name of the action for every verb that has none of its own."""
+"""Name of the action for every verb without a separate action."""
 _TOLD = ("success", "message")
 TITLES = {name: "".join(part.capitalize() for part in name.split("_")) for name in (*registry.names("verb"), ANY)}
 """Names of the types, and of the verbs for people, by the names of the actions."""
@@ -75,7 +75,7 @@ def verb_of(name: str, goal: Any) -> Verb:
 
 def put_outcome(outcome: Outcome, result: Any) -> Any:
     """Write how a verb has ended into the result of its action, with all that was measured; the lines of a scan are
-    sent on a topic of their own.
+    sent on a separate topic.
     """
     result.success, result.message = outcome.status == COMPLETE, outcome.message
     found = outcome.result

@@ -30,7 +30,7 @@ class _Look:
     ----------
     context : Context of the nodes.
     handles : mapping of str to list
-        Entities with a handle of their own, by kind.
+        Entities with a handle, by kind.
     waitables : list
         Entities that consist of others.
 
@@ -85,7 +85,7 @@ class _Look:
 
 
 class Waiting:
-    """Tells whether an executor would find anything to do, at a fraction of the price of asking it.
+    """Checks whether an executor would find anything to do, at a fraction of the price of asking it.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ class Waiting:
         self()
 
     def __call__(self) -> bool:
-        """Whether anything is ready, or a task has not begun; always true where it cannot be told cheaply."""
+        """Return whether anything is ready, or a task has not begun; always true if this cannot be found cheaply."""
         tasks = [task for task, *_ in getattr(self._executor, "_tasks", ()) if not task.done()]
         self.unfinished = any(map(_begun, tasks))
         entities: list[Any] = []

@@ -109,7 +109,7 @@ def open_bag(path: Path) -> Bag:
                 raise RecordingError(f"{path} holds several runs: {connection.topic} begins again at number {first}")
             starts[connection.topic, run_id] = first
     if not runs:
-        raise RecordingError(f"{path} holds neither control_trace nor a waveform of an instrument")
+        raise RecordingError(f"{path} holds no control_trace and no waveform of an instrument")
     if len(spaces) > 1:
         raise RecordingError(f"{path} holds the topics of several instruments: {sorted(spaces)}")
     if len(runs) > 1:

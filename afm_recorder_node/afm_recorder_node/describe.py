@@ -46,7 +46,7 @@ def group_of(node: str, values: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def _foreign(node: str, given: Mapping[str, Value]) -> dict[str, Value]:
-    """Return the group and kind of each part that is neither of this package nor installed."""
+    """Return the group and kind of each part that is not of this package and not installed."""
     found: dict[str, Value] = {}
     for name, value in given.items():
         group, _, leaf = name.partition(".")

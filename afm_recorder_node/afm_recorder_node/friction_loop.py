@@ -65,7 +65,7 @@ class LoopPoints:
         return points[:: -(-len(points) // POINTS) or 1]
 
     def send(self, canvas: Canvas) -> None:
-        """Draw the loop; nothing if there is none."""
+        """Draw the loop, if there is one."""
         points = self.points()
         if len(points) < 2:
             return

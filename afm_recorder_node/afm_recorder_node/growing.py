@@ -66,7 +66,7 @@ class GrowingFile:
         self.problem = ""
         """Why the last data was not written; empty if it was."""
         self.news = ""
-        """Message for the log, once; empty if there is none."""
+        """Message for the log, once; empty without news."""
         self._written = 0
         self._waiting = bytearray()
         self._file = _NONE
@@ -194,5 +194,5 @@ def _in_use(path: Path) -> bool:
 
 
 def grows(path: Path) -> bool:
-    """Whether a recorder writes a file at present, as the lock of the file tells."""
+    """Return whether a recorder writes a file at present, as the lock of the file shows."""
     return _in_use(path)

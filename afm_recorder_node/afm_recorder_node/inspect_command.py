@@ -115,7 +115,7 @@ def _loop(path: Path, arguments: argparse.Namespace, console: Console) -> None:
         ("width (twice the friction)", (2.0 * half.value, 2.0 * half.uncertainty), "N"),
         ("friction, half the width", half, "N"),
         ("offset", offset, "N"),
-        ("slope behind a turn", slope, "N/m"),
+        ("slope after a turn", slope, "N/m"),
     ):
         console.print(f"{what}: {quantity(value, unit)} +- {quantity(spread, unit)}")
     console.print(f"energy of a cycle: {quantity(made.energy, 'J')} (mean of {made.cycles:g})")

@@ -26,7 +26,7 @@ def pictures(entities: Iterable[str]) -> list[str]:
 
 
 def view(entities: Iterable[str], name: str = "Scan", below: str = "") -> rrb.Container:
-    """Arrangement of images: those of one signal behind one another, different signals side by side.
+    """Arrange images: those of one signal in tabs, different signals side by side.
 
     Parameters
     ----------

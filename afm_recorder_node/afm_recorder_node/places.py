@@ -36,7 +36,7 @@ def recordings(places: Sequence[str]) -> list[Path]:
     Raises
     ------
     RecordingError
-        If there is none at one of them.
+        If one of the places has no recording.
     """
     found: dict[Path, None] = {}
     for place in places:
@@ -62,7 +62,7 @@ def open_recording(path: str | os.PathLike[str]) -> MessageSource:
     DamagedRecording
         If it is not what was written.
     RecordingError
-        If there is none, or several.
+        If there is no recording, or several.
     """
     place = Path(path)
     if place.is_dir():

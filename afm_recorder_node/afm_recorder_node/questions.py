@@ -63,7 +63,7 @@ def loop(path: Path, axis: str = "x", begin: float = -math.inf, end: float = mat
     Raises
     ------
     RecordingError
-        If there is none: no force, or no trace and retrace.
+        If there is no loop: no force, or no trace and retrace.
     """
     channel = (layout.LATERAL_FORCE if axis == "x" else layout.LATERAL_FORCE_Y).name
     read = read_signals(path, [layout.POSITION.name, channel], begin, end)

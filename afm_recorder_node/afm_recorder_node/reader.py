@@ -28,7 +28,7 @@ Visit = Callable[[str, Times, Array], None]
 """Takes some rows of a signal: name, times (n,) [ns], numbers (n, width) in SI units."""
 Path = str | os.PathLike[str]
 _FEW = ("status", "events", "parameters", "score")
-"""Topics with what a recording holds beside signals and images."""
+"""Topics with what a recording holds in addition to signals and images."""
 
 
 def read_recording(path: Path | MessageSource, *, every: int = 1) -> Recording:
@@ -46,7 +46,7 @@ def read_recording(path: Path | MessageSource, *, every: int = 1) -> Recording:
     DamagedRecording
         If it is not what was written: all of it is checked.
     RecordingError
-        If there is none, or it is no recording of this microscope.
+        If there is no recording, or it is not one of this microscope.
 
     Warns
     -----
@@ -89,7 +89,7 @@ def read_recording(path: Path | MessageSource, *, every: int = 1) -> Recording:
 def read_about(
     path: Path | MessageSource, visit: Visit, names: Sequence[str] | None = None
 ) -> tuple[About, dict[str, PlotSignal]]:
-    """Read what a recording holds beside its signals, and go through these stretch by stretch, with little memory.
+    """Read what a recording holds besides its signals; go through the signals stretch by stretch, with little memory.
 
     Raises and warns as `read_recording`.
 
@@ -197,7 +197,7 @@ class _Gathered(Visitor):
         return [*_FEW, *ticks, *(name for name in self._names if name not in layout.TICK_NAMES)]
 
     def about(self) -> About:
-        """What the recording holds beside its signals."""
+        """Return what the recording holds in addition to its signals."""
         events = sorted(self._events, key=lambda event: event[0])
         return About(
             parameters=self.known.first,

@@ -280,7 +280,7 @@ def _opened(path: Path, file: int, salvage: bool) -> RunRecord:
 
 
 def _places(file: int, size: int, at: int = len(MCAP0_MAGIC)) -> tuple[list[_Place], int]:
-    """The records of a file from a place up to where it breaks off, and the bytes after that which are none.
+    """Return the records of a file from a place up to where it breaks off, and how many bytes after it are no records.
 
     A file may end within a record: its recorder was killed, or writes it at this moment.
     """

@@ -47,7 +47,7 @@ class ParameterChange:
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """What a recording holds beside its signals. Quantities are in SI units."""
+    """What a recording holds in addition to its signals. Quantities are in SI units."""
 
     parameters: dict[str, dict[str, Value]]  # node, name: value when first seen
     parameter_changes: list[ParameterChange]

@@ -198,7 +198,7 @@ def _curve_table(arrays: Arrays) -> list[str]:
 
 
 def _drawn_nowhere(result: Result) -> Iterator[tuple[str, Variable]]:
-    """Arrays of a result that is neither drawn nor listed."""
+    """Yield the arrays of a result that is not drawn and not listed."""
     if not diagrams(result):
         yield from ((name, each) for name, each in result.arrays.variables.items() if each.dims)
 

@@ -178,7 +178,7 @@ def _image(scanned: Surface | None, level: float) -> _Array | None:
 
 
 def _along(path: _Array) -> _Array | None:
-    """The sample as the tip has met it along a straight line, extended across it; None if it is none."""
+    """Return the sample as the tip has met it along a straight line, extended across it; None for another path."""
     if len(path) < 3:
         return None
     centred = path[:, :2] - path[:, :2].mean(axis=0)

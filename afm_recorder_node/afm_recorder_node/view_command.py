@@ -40,7 +40,7 @@ COLORS = (
 
 
 def names(paths: Sequence[Path]) -> list[str]:
-    """A word for each recording: its name, or that of the first folder upwards that tells them apart."""
+    """Return a word for each recording: its name, or that of the first folder upwards that differs for all of them."""
     parts = [path.absolute().with_suffix("").parts for path in paths]
     for depth in range(1, min(map(len, parts))):
         found = [re.sub(r"\W", "_", each[-depth], flags=re.ASCII) for each in parts]

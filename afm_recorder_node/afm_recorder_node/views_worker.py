@@ -30,7 +30,7 @@ class Worker:
         self._to, self._from = bytearray(), bytearray()
 
     def start(self) -> None:
-        """Start the process, if there is none: it takes a second until it can draw."""
+        """Start the process, if it does not run yet: it takes a second until it can draw."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", f"{__package__}.views"],

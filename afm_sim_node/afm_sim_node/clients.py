@@ -1,4 +1,4 @@
-"""Whether the client of a goal is still there, which rclpy's action server does not tell."""
+"""Whether the client of a goal is still there, which rclpy's action server does not report."""
 
 import time
 from typing import Any

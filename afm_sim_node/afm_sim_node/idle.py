@@ -14,7 +14,7 @@ from .streams import Streams
 _ROOM = 0.1
 """Part of a period that must be left before a deadline for a message of the streams to be published.
 
-One may take longer than what is left: the next tick is then late, and the ones behind it make up for it before another
+One may take longer than what is left: the next tick is then late, and the ticks after it make up for it before another
 message goes out.
 """
 

@@ -13,7 +13,7 @@ _THROTTLE = 5.0
 
 
 def log_state(log: Any, run: Snapshot, parameters: SimNodeParameters) -> None:
-    """Tell about a change of state."""
+    """Log a change of state."""
     if run.state == RunState.FAULT:
         log.error(run.detail)
     elif run.detail:

@@ -70,7 +70,7 @@ class Managed:
 
     @property
     def problem(self) -> str:
-        """A message about managed nodes that are not active; empty if there are none."""
+        """A message about managed nodes that are not active; empty if all are active."""
         return "; ".join(
             f"{name} is a managed (lifecycle) node in state {state}, and a controller answers only when it is active: "
             f"ros2 lifecycle set {name} {'activate' if state == 'inactive' else 'configure, then activate'}"

@@ -31,14 +31,14 @@ _IMAGES_PERIOD = 0.05
 
 
 def operator_of(on_line: Callable[[Line], object], instrument: Instrument) -> Operator:
-    """Who orders verbs of an instrument; told every line of a scan."""
+    """Return the operator of an instrument, which calls `on_line` with every line of a scan."""
     operator = Operator(instrument)
     operator.on_line = on_line  # type: ignore[assignment]
     return operator
 
 
 class MicroscopeServer:
-    """Serves verbs and settings, and tells what is being done.
+    """Serves verbs and settings, and reports what is being done.
 
     Parameters
     ----------

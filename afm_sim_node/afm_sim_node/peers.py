@@ -42,7 +42,7 @@ class Peers:
         self.controllers: list[str] = []
         """Full names of the nodes whose drives are received."""
         self.incompatible = ""
-        """Message about nodes whose drives cannot be received; empty if there are none."""
+        """Message about nodes whose drives cannot be received; empty if there is no such node."""
 
     @property
     def inactive(self) -> bool:
@@ -90,13 +90,13 @@ class Peers:
             )
 
     def _notice_restarts(self, infos: Sequence[TopicEndpointInfo]) -> None:
-        """Tell of a controller that was killed and started again: the old one is still listed for some seconds."""
+        """Report a controller that was killed and started again: the old one is still listed for some seconds."""
         for info in infos:
             for name in _names([info]):
                 known = self._known.setdefault(name, set())
                 if known and bytes(info.endpoint_gid) not in known:
                     self._node.get_logger().warning(
-                        f"{name} publishes piezo_drive anew: it was started again, or there are two of that name"
+                        f"{name} publishes piezo_drive again: it was restarted, or there are two nodes of that name"
                     )
                 known.add(bytes(info.endpoint_gid))
 

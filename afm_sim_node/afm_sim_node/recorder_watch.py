@@ -11,7 +11,7 @@ from .streams import Streams
 
 
 class RecorderWatch:
-    """Tells a run whether it is recorded.
+    """Reports to a run whether it is recorded.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class Results:
 
 
 def _shorter(arrays: Arrays, told: dict[str, Any]) -> Arrays:
-    """Arrays with at most `_MOST` numbers along their longest dimension, and with what is told of the whole result."""
+    """Return arrays with at most `_MOST` numbers along their longest dimension and attributes of the whole result."""
     every = [*arrays.variables.values(), *arrays.coordinates.values()]
     lengths = {dim: length for each in every for dim, length in zip(each.dims, each.values.shape, strict=True)}
     longest = max(lengths, key=lambda dim: lengths[dim], default="")

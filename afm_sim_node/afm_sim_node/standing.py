@@ -46,7 +46,7 @@ class StandingSubscribers:
         self._counted, self._looks = 0, 0
 
     def look(self) -> str:
-        """A message about them, to be asked for once a second; empty if there are none.
+        """Return a message about them, to be read once a second; empty if there is no such process.
 
         Of another machine, container, user or middleware than Fast DDS nothing is known.
         """
@@ -99,7 +99,7 @@ class StandingSubscribers:
 
 
 def _stat(pid: int) -> tuple[str, str]:
-    """State of a process, a letter, and when it began; empty if there is none."""
+    """Return the state of a process, a letter, and when it began; empty if the process does not exist."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:

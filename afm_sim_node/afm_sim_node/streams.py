@@ -19,7 +19,7 @@ from afm_node_common.codec import BlockEncoder
 from afm_node_common.process import SimNodeParameters
 
 _BOOKKEEPING = ("verb_number", "verb_step", "verb_done")
-"""Channels by which a verb finds its samples: no signals. Verbs are told as events."""
+"""Channels by which a verb finds its samples: no signals. Verbs are reported as events."""
 _LONGEST_QUEUE = 500
 """Messages that wait to be published at most: some seconds of a run that leaves no time for them."""
 

@@ -15,7 +15,7 @@ from afm_node_common.direct import Outbox
 
 
 class _Values(Record):
-    """Fields of afm_msgs/Telemetry behind its sequence."""
+    """Fields of afm_msgs/Telemetry after its sequence."""
 
     error_x: Annotated[float, "m"]
     error_y: Annotated[float, "m"]

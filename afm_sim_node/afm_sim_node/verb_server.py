@@ -74,7 +74,7 @@ class PatientServer(AnsweringServer):
             self._node.get_logger().warning("a goal was not answered: another one had the same number")
 
     def answer(self, goal: ServerGoalHandle, conclude: Callable[[ServerGoalHandle], Any]) -> None:
-        """Have the client told the result that `conclude` returns; it has to set the state of the goal, too."""
+        """Send the client the result that `conclude` returns; `conclude` has to set the state of the goal, too."""
         super().notify_execute(goal, conclude)
 
 
@@ -150,7 +150,7 @@ class VerbServer:
                 spin_once(_LAST_WORDS / 10.0)
 
     def look(self) -> None:
-        """Tell the client how far its verb is, and see whether it is still there; a few times a second."""
+        """Report to the client how far its verb is, and see whether it is still there; a few times a second."""
         going = self._going
         if going is None or going.goal is None:
             return

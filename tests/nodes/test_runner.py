@@ -48,7 +48,7 @@ def test_what_is_refused_at_start_is_one_sentence_and_code_2(tmp_path: Path) -> 
         ("-p", "run.duratoin:=1.0"): "error: unknown parameter run.duratoin: did you mean run.duration?",
         ("-p", "cantilever.W:=-1e-6"): "error: the tip does not touch the sample at rest",
         ("--params-file", str(tmp_path / "none.yaml")): f"{tmp_path / 'none.yaml'}",
-        ("--", "-p", "run.mode:=realtime"): "error: unknown argument -p: parameters go behind --ros-args",
+        ("--", "-p", "run.mode:=realtime"): "error: unknown argument -p: parameters go after --ros-args",
     }
     with ThreadPoolExecutor(2) as pool:
         ends = list(pool.map(lambda case: start("afm_sim_node", "--ros-args", *case), cases))

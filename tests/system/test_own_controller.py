@@ -233,5 +233,5 @@ def test_controller_that_stays_silent_ends_the_session_which_promises_no_more_wa
         assert command.wait(graph) == 1, command.text
     last = command.text.strip().splitlines()[-1]
     assert last.startswith("error: /afm/silent has not answered measurement 10 within 0.2 s")
-    assert last.endswith(", nor for 1 s after that")
+    assert last.endswith(", and not for 1 s after that")
     assert "waiting" not in last

@@ -34,7 +34,7 @@ def kill(command: Command) -> None:
 
 def test_simulator_that_is_killed_and_started_again_is_told_by_controller_and_recorder(tmp_path: Path) -> None:
     silent = "/afm/afm_sim_node has not published its status for 2 s: it has stopped or was killed"
-    anew = "/afm/afm_sim_node publishes /afm/status anew: it was started again, or there are two of that name"
+    anew = "/afm/afm_sim_node publishes /afm/status again: it was restarted, or there are two nodes of that name"
     with (
         Graph() as graph,
         node("afm_controller_node", tmp_path) as controller,
@@ -72,12 +72,12 @@ def test_controller_and_recorder_that_are_killed_and_started_again_are_told_by_t
             simulator.wait_until(lambda: "a recorder has come" in simulator.text, graph)
             kill(controller)
             kill(recorder)
-        assert "anew" not in simulator.text
+        assert "publishes piezo_drive again" not in simulator.text
         with (
             node("afm_controller_node", tmp_path) as controller,
             node("afm_recorder_node", tmp_path, path=path) as recorder,
         ):
-            anew = "/afm/afm_controller_node publishes piezo_drive anew: it was started again, or there are two"
+            anew = "/afm/afm_controller_node publishes piezo_drive again: it was restarted, or there are two nodes"
             simulator.wait_until(lambda: anew in simulator.text, graph)
             ticks = observer.status.ticks
             simulator.wait_until(lambda: observer.status.ticks > ticks, graph)

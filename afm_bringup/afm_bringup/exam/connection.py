@@ -31,7 +31,7 @@ _NODE = "afm_sim_node"
 _CONNECT_TIMEOUT = 30.0
 """Wall time for a controller to find a simulator [s]; the middleware takes some seconds to notice that one has gone."""
 MATCHED = 0.5
-"""Time for a controller to find this side, too, once this side has found it [s]; the middleware does not tell of it.
+"""Time for a controller to find this side, too, once this side has found it [s]; the middleware does not report it.
 Until then messages get lost, or come late.
 """
 _STATUS_PERIOD = 0.2
@@ -40,7 +40,7 @@ _LOOK_PERIOD = 0.05
 _FRESH = 0.01
 """The same where an answer has come [s]."""
 _OWED = 0.1
-"""Of a wait that the system tells when it is over, so much may still be counted later [s]."""
+"""Part of a wait for a processor that may be counted later: the system reports the wait only when it is over [s]."""
 _SLOWEST = 0.1
 """Of wall time that counts at least, however busy the machine is."""
 
@@ -98,8 +98,8 @@ class TopicConnection:
     def now(self, period: float = _LOOK_PERIOD) -> float:
         """Time [s] that goes slower while the controller or this process waits for a processor.
 
-        So no deadline is missed because the machine has other work; where the system does not tell how long a thread
-        waited it is wall time.
+        So no deadline is missed because the machine has other work; if the system does not report how long
+        a thread waited, it is wall time.
         """
         now = time.monotonic()
         if (passed := now - self._looked) > period:
@@ -144,7 +144,7 @@ class TopicConnection:
         return Answer(phase, sequence, now, drives, frame, stamp=1e-9 * stamp, horizon_period=period, other_run=other)
 
     def take_drive(self) -> tuple[int, Drive] | None:
-        """Sequence and drive of the oldest message not yet taken, as an instrument reads it; None if there is none.
+        """Return sequence and drive of the oldest message left, as an instrument reads it; None if no message is left.
 
         Raises
         ------
@@ -180,7 +180,7 @@ class TopicConnection:
         return True
 
     def incompatible(self) -> str:
-        """Why the middleware does not connect the controller; empty if it does, or there is none."""
+        """Return why the middleware does not connect the controller; empty if it does, or without a controller."""
         for end in self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topics.PIEZO_DRIVE)):
             if end.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
                 return f"{end.node_name} publishes piezo_drive best effort: it must be reliable"

@@ -79,7 +79,7 @@ class TestConnection(Connection, Protocol):
     """How measurements reach the controller under test, and its drives come back."""
 
     def take(self, phase: Phase) -> Answer | None:
-        """The oldest message not yet taken; None if there is none."""
+        """Return the oldest message not yet taken; None if no message is left."""
         ...
 
     def begin_run(self) -> None:

@@ -56,7 +56,7 @@ def responses(log: Log, axes: int) -> list[Response] | None:
 
 
 def _answers(moved: list[Sent], drives: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Steps of the drives (lag, drive of the answer, axis) after a jump up, 0 where there is none that is sure [V].
+    """Estimate the steps of the drives (lag, drive of the answer, axis) after a jump up; 0 where no step is sure [V].
 
     By linear regression of the change of a drive on the last jumps, which are at random.
     """

@@ -153,7 +153,7 @@ def _finite(log: Log, terms: Terms) -> str | None:
 
 def _run(log: Log, terms: Terms) -> str | None:
     return _first(
-        f"the drive for measurement {each.sequence} has a run_id that is neither that of the measurement nor 0"
+        f"the drive for measurement {each.sequence} has a wrong run_id: it must be that of the measurement, or 0"
         for each in _readable(log)
         if each.other_run
     )
@@ -345,7 +345,7 @@ RULES = (
         "sends whole messages, with a stamp that is a time",
         lambda log, _: _first(each.unreadable for each in log.answers if each.unreadable),
     ),
-    Rule("finite", "sends neither NaN nor an infinity, in the horizon neither", _finite),
+    Rule("finite", "sends only finite values, in the horizon as well", _finite),
     Rule("run", "puts the run_id of the measurement into its drive, or 0", _run),
     Rule("frame", "puts `scanner` into frame_id", _frame),
     Rule("stamp", "puts the stamp of the measurement into the header", _stamp),

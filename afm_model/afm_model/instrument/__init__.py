@@ -1,4 +1,4 @@
-"""The virtual instrument: the parts behind measurement and drive, one loop, the score."""
+"""The virtual instrument: the parts between drive and measurement, one loop, the score."""
 
 from .instrument import Instrument
 from .rows import Block, Cut

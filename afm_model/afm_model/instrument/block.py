@@ -1,6 +1,6 @@
 """The instrument's memory: one float64 array, laid out from the records of the chosen parts.
 
-In order: the header, which tells where everything else stands; the loop's own record; constants of the parts; what is
+In order: the header, which has the places of everything else; the loop's own record; constants of the parts; what is
 recorded of a tick (states of the parts, measurement, applied drive); what travels inside a tick; sums of the score;
 places of the channels; the line of drives on their way; the maps of sample and plant, and its ledger.
 """

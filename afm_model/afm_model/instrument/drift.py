@@ -2,7 +2,7 @@
 
     D' = rate exp(-t / decay_time) + r(t),   r: Ornstein-Uhlenbeck, rms `wander`, correlation time `wander_time`
 
-It is added behind the piezo, as the voltage of an ideal piezo that moves the sample by D, and taken off what the
+It is added after the piezo, as the voltage of an ideal piezo that moves the sample by D, and taken off what the
 position sensors read. So it moves the sample in every plant, sticks and slips with it, and a z loop follows it. The
 resonances of the scanner are faster than any drift by many orders of magnitude.
 """

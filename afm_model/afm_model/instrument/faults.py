@@ -21,7 +21,7 @@ _HOOKS = {
 }
 """For which sorts of faults each function of the part is called."""
 _SORTS = tuple(sort for sorts in _HOOKS.values() for sort in sorts)
-"""How many faults of a sort are in the table; where there is none, nothing is computed."""
+"""How many faults of a sort are in the table; for a sort without a fault nothing is computed."""
 
 
 class Faults:

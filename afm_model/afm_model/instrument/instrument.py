@@ -1,4 +1,4 @@
-"""The virtual instrument: measurement out, drive in, tick by tick, with no clock and no transport of its own."""
+"""The virtual instrument: measurement out, drive in, tick by tick, without a clock and without a transport."""
 
 import math
 import sys
@@ -50,7 +50,7 @@ class Instrument(Readings):
     hashed : bool
         False: no `trajectory_sha256`, which takes a tenth of the time of a tick of two steps.
     sampled : bool
-        False: nobody looks at the samples between two ticks, nor at their count beyond the range. They are not made
+        False: nobody looks at the samples between two ticks, or at their count beyond the range. They are not made
         where nothing else needs them: what is measured at a tick, and moves, has the same bits.
     layouts : dict, optional
         Where the layouts of instruments with the very same parameters are kept.
@@ -175,7 +175,7 @@ class Instrument(Readings):
         self._prepared = min(self._drawn, self._faults.until)
 
     def order(self, order: Any) -> None:
-        """Tell the program what to do from this tick on. Once it is done, `close_loop` stops behind that very tick.
+        """Order what the program does from this tick on. Once it is done, `close_loop` stops after that very tick.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ class Instrument(Readings):
     def close_loop(self, controller: Controller, ticks: int) -> bool:
         """Close the loop with a law for `ticks` ticks, or to the end of the block: `tick` many times, in one piece.
 
-        It ends sooner, and is True, behind the tick with which an order is done (`order`) or a limit has acted.
+        It ends sooner, and is True, after the tick with which an order is done (`order`) or a limit has acted.
         Raises as `tick`, and PartError if a law in Python has raised something.
         """
         end = self.ticks + min(ticks, max(self._block_ticks - self._row, 1))
@@ -357,7 +357,7 @@ class Instrument(Readings):
         return cut
 
     def _point_at_arrays(self) -> None:
-        """Tell the compiled loop where the arrays beside the block are."""
+        """Give the compiled loop the addresses of the arrays outside of the block."""
         rows, samples = self._recorded.rows, self._recorded.samples
         self._loop[_RANDOM : _RANDOM + 5] = (
             *(self._draws.numbers.ctypes.data, rows.ctypes.data, rows.shape[1]),

@@ -1,6 +1,6 @@
 """The instrument's own limits, in compiled code: where one is passed it takes the drive itself, and gives it back.
 
-It looks at what the plant really does, not at what sensors with noise and faults tell of it. One look in a control
+It looks at what the plant really does, not at what sensors with noise and faults show. One look in a control
 tick: a force that comes and goes between two ticks is not seen.
 """
 
@@ -16,7 +16,7 @@ RUNNING, RETRACTED, WITHDRAWN, APPROACHING = 1, 4, 8, 9
 because a limit was passed, on the way back to the tip.
 """
 NONE, TRAVEL, FORCE, INVALID, CONTACT_LOST, TOO_HARD, NO_CONTACT, RESUMED, APPROACHED, SILENT, ANSWERED = range(11)
-"""Why the phase has changed. The first four behind NONE are limits; the next two are of an approach that failed."""
+"""Why the phase has changed. The first four after NONE are limits; the next two are of an approach that failed."""
 
 
 class LimitConstants(Record):

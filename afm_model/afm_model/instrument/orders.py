@@ -47,7 +47,7 @@ class Orders:
             self._put(self._first(self._parameters), 0)
 
     def put_in_force(self, order: Any, tick: int) -> None:
-        """Tell the program what to do from this tick on.
+        """Order what the program does from this tick on.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class Orders:
 
     @property
     def done(self) -> bool:
-        """Whether the order in force is done, or there is none."""
+        """Whether the order in force is done, or no order is in force."""
         # Places computed once: they are read after each tick.
         return self._done is None or self._done.item(0) != 0.0
 

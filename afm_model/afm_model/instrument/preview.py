@@ -1,4 +1,4 @@
-"""Preview of the reference: what the measurements of control ticks to come will tell of it."""
+"""Preview of the reference: what the measurements of control ticks to come will contain of it."""
 
 from typing import Any, NamedTuple
 
@@ -18,7 +18,7 @@ _Array = NDArray[np.float64]
 MOST = 1_000_000
 """Control ticks that may be asked for at once."""
 _LAST = 2**53
-"""Beyond it not every whole number is a float64: ticks would have no time of their own."""
+"""Beyond it not every whole number is a float64: several ticks would have the same time."""
 _WIDTH = size(Setpoint)
 
 

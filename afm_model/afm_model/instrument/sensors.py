@@ -1,6 +1,6 @@
 """Position sensors and rates: positions, velocities and the rate of the deflection in a measurement.
 
-Ideal sensors tell the true velocities. If the position sensors are not ideal they are read at the rate of the virtual
+Ideal sensors show the true velocities. If the position sensors are not ideal they are read at the rate of the virtual
 ADC, and velocities are differences of two readings, divided by the time between them; the same holds for the deflection
 and its rate. So nobody has a velocity that is better than the positions. A low-pass of the rates follows,
 v[k] = keep v[k-1] + (1 - keep) difference[k].

@@ -273,7 +273,7 @@ def command_tick(law: Block, m: Block) -> bool:
 
 @kernel
 def after_tick(outcome: int, m: Block) -> int:
-    """Outcome of a tick with what the limits have done behind it, and whether an order is done."""
+    """Return the outcome of a tick with what the limits have done after it, and whether an order is done."""
     g = record_at(m, 0, BlockHeader)
     c = record_at(m, g.loop, LoopState)
     if outcome != REFUSED:
@@ -306,7 +306,7 @@ def advance(law: Block, ticks: float, m: Block) -> int:
     Returns
     -------
     int
-        Outcome of the last tick tried. The loop's record tells how many were done, one that diverged included. They
+        Outcome of the last tick tried. The loop's record has how many were done, one that diverged included. They
         are fewer where the program's order is done (`halt` of LoopState), once, or a limit has acted.
     """
     c = record_at(m, record_at(m, 0, BlockHeader).loop, LoopState)

@@ -15,7 +15,7 @@ _HEAD, _NUMBERS = 6, size(Measurement)
 _RUN, _SEQUENCE = 4, 5
 """Words of a head."""
 _UNUSED = 4
-"""Bytes before a message, and behind a drive: CDR aligns from the fifth byte of a message on."""
+"""Bytes before a message, and after a drive: CDR aligns from the fifth byte of a message on."""
 _NANOSECONDS = 1_000_000_000
 
 
@@ -73,7 +73,7 @@ class Wire:
     Parameters
     ----------
     take : callable
-        take(): the oldest message not yet taken, its bytes first; None if there is none.
+        take(): the oldest message not yet taken, its bytes first; None if no message is left.
     publish : callable
         publish(data): send the bytes of a message.
 

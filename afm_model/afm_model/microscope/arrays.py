@@ -36,7 +36,7 @@ LONG_NAMES = {
     "y": "y as asked for",
 }
 
-_LAG = "lag of the deflection behind the reference of the lock-in, less the phase offset"
+_LAG = "lag of the deflection relative to the reference of the lock-in, less the phase offset"
 
 
 class Variable(NamedTuple):

@@ -98,7 +98,7 @@ class Backend(LoopSettings):
     """Carries out verbs, one after the other. Use it as a context manager, or `close` it."""
 
     outcome: Outcome | None = None
-    """How the last verb has ended, with all that was measured; also of one that was stopped, or broken off by an error.
+    """How the last verb has ended, with all that was measured; also of one that was stopped, or ended by an error.
     """
 
     def __enter__(self) -> Self:
@@ -174,7 +174,7 @@ class Backend(LoopSettings):
 
     @abstractmethod
     def resume(self) -> None:
-        """Go on after `pause`, or give the loop back its z behind a withdrawal by a limit (`safety.*`): the tip is then
+        """Go on after `pause`, or give the loop back its z after a withdrawal by a limit (`safety.*`): the tip is then
         withdrawn, not approached.
 
         Raises
@@ -185,7 +185,7 @@ class Backend(LoopSettings):
 
     @abstractmethod
     def exchange(self, group: str, changes: Mapping[str, Value]) -> None:
-        """Another sample or probe (groups sample, plant); only with the tip withdrawn. Time begins anew."""
+        """Put in another sample or probe (groups sample, plant); only with the tip withdrawn. Time begins again."""
 
     def set_sample(self, changes: Mapping[str, Value]) -> None:
         """Another sample, by parameters `sample.*` without their prefix; see `exchange`."""

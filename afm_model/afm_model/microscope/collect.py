@@ -75,7 +75,7 @@ def signals(instrument: Instrument, names: Sequence[str]) -> dict[str, Signal]:
     Raises
     ------
     KeyError
-        If there is none of a name; the argument is a list of those that there are.
+        If a name is not that of a signal; the arguments are a list of such names and a list of those that exist.
     """
     known = _known(instrument)
     if missing := [name for name in names if name not in known]:
@@ -138,7 +138,7 @@ class Collector:
     names : sequence of str
         What is collected; see `signals`.
     skip : int
-        Samples behind the start that are not taken.
+        Samples after the start that are not taken.
     count : int, optional
         Samples that are taken at most.
     """
@@ -147,14 +147,14 @@ class Collector:
         self.signals = signals(instrument, names)
         self.sample_period = instrument.parameters.detector.sample_period
         self.first = self.taken = 0
-        """Number of its first sample, and of the one behind its last."""
+        """Number of its first sample, and of the one after its last."""
         self._skip, self._count = skip, count
         self._end: int | None = 0
         self._per_tick = instrument.samples_per_tick
         self._factors = np.array([signal.factor for signal in self.signals.values()])[:, None]
 
     def start(self, sample: int) -> None:
-        """Begin `skip` samples behind this one."""
+        """Begin `skip` samples after this one."""
         self.first = self.taken = sample + self._skip
         self._end = None if self._count is None else self.first + self._count
 

@@ -30,7 +30,7 @@ class Task(NamedTuple):
 
 
 class Execution:
-    """What a verb's tasks know, and what they tell.
+    """What a verb's tasks know, and what they report.
 
     Parameters
     ----------

@@ -195,7 +195,7 @@ def as_image(scan: "Image | xarray.Dataset") -> Image:
     given: Mapping[str, Any] = getattr(scan, "attrs", {})
     kind = _kind(str(given.get("verb")))
     if kind is None:
-        raise ValueError(f"this is no scan, neither an Image nor the labelled arrays of one: {type(scan).__name__}")
+        raise ValueError(f"{type(scan).__name__} is not a scan: it must be an Image or the labelled arrays of one")
     notes = {str(name): python_value(value) for name, value in given.items()}
     variables = {str(name): values for name, values in scan.data_vars.items() if name not in MADE}
     units = {name.removeprefix(_MEASURED): values.attrs["units"] for name, values in variables.items()}

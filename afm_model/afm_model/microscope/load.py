@@ -19,7 +19,7 @@ class Load:
     """Counts how long the normal force is far from the setpoint.
 
     The z loop keeps a deflection. Friction along a tilted cantilever bends it as well, and where it is large against
-    the setpoint the deflection no longer tells the load: the loop oscillates, or presses the tip into a slope, while
+    the setpoint the deflection no longer shows the load: the loop oscillates, or presses the tip into a slope, while
     its error is small.
 
     Parameters

@@ -141,7 +141,7 @@ class Microscope(LoopSettings):
         self.backend.pause()
 
     def resume(self) -> None:
-        """See `Backend`. Behind a limit the next verb is an approach."""
+        """See `Backend`. After a limit the next verb is an approach."""
         self.backend.resume()
 
     @property
@@ -288,7 +288,7 @@ class Microscope(LoopSettings):
         self.backend.set_loop(**settings)
 
     def set_sample(self, **changes: Value) -> None:
-        """Another sample, by parameters `sample.*`; only with the tip withdrawn. Simulated time begins anew."""
+        """Put in another sample, by parameters `sample.*`; only with the tip withdrawn. Simulated time begins again."""
         self.backend.set_sample(changes)
 
     def set_probe(self, **changes: Value) -> None:

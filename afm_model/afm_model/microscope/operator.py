@@ -30,7 +30,7 @@ from .verbs import Withdraw
 from .view import CALIBRATIONS, ERROR_CHANNEL, InstrumentView
 
 _LOOSE, _LEAST = 0.3, 0.1
-"""An rms error of the z loop beyond this part of the setpoint, and this [V], is told."""
+"""A warning is given for an rms error of the z loop beyond this part of the setpoint, and this [V]."""
 _FLYING = 0.5
 """The same of a tip that taps, over what the amplitude can rise by; that is the error of one that flies."""
 

@@ -45,7 +45,7 @@ def with_verbs(parameters: P) -> P:
     known = {channel.name for channel in registry.find("onboard", kind).channels}
     if Z_CHANNEL not in known:
         raise ParameterError(
-            f"onboard.kind = {kind} is not allowed with verbs: it has no channel {Z_CHANNEL}, by which a loop tells "
+            f"onboard.kind = {kind} is not allowed with verbs: it has no channel {Z_CHANNEL}, by which a loop shows "
             f"where it has moved z"
         )
     if getattr(parameters.detector, "range", None) == 0.0:

@@ -70,7 +70,7 @@ class Verb(Group):
     def tasks(self, run: "Execution") -> Iterator["Task"]:
         """What is to be done, in order; the next is asked for between two ticks, when the order before is done.
 
-        It tells `run` what comes out (`run.result`) and how long it takes at most (`run.total`). VerbError: it cannot
+        It gives `run` what results (`run.result`) and how long it takes at most (`run.total`). VerbError: it cannot
         be brought to its end, and the tip is withdrawn.
         """
         raise NotImplementedError
@@ -87,7 +87,7 @@ def find(name: str) -> type[Verb]:
     Raises
     ------
     ParameterError
-        If there is none.
+        If no verb has this name.
     """
     verb: type[Verb] = registry.find("verb", name)
     return verb

@@ -122,7 +122,7 @@ class InstrumentView:
 
     @property
     def setpoint(self) -> float:
-        """Of the deflection, or of the amplitude of a tip that taps [V]; NaN: the loop tells none."""
+        """Setpoint of the deflection, or of the amplitude of a tip that taps [V]; NaN: the loop does not report it."""
         return self.loop.setpoint(self.parameters) if self.loop.setpoint is not None else math.nan
 
     @property

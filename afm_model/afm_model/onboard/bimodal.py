@@ -25,7 +25,7 @@ _TURN = 2.0 * math.pi
 
 
 class BimodalParameters(DynamicParameters):
-    """A drive of two tones, each measured by a lock-in of its own."""
+    """A drive of two tones, each measured by a separate lock-in."""
 
     kind: str = Field("bimodal", description="loop inside the instrument")
     second_drive_frequency: Annotated[NonNegative, Unit("Hz")] = Field(
@@ -61,7 +61,7 @@ class State(dynamic.State):
 
 
 def second_frequency(parameters: Tree) -> float:
-    """Of the second tone [Hz]; 0 where the plant has no cantilever of its own."""
+    """Return the frequency of the second tone [Hz]; 0 if it is not given and the plant has no cantilever."""
     cantilever = parameters.plant.cantilever_numbers
     own = 0.0 if cantilever is None else cantilever.f0 * beam.MODE[1].frequency
     return float(parameters.onboard.second_drive_frequency or own)

@@ -1,4 +1,4 @@
-"""A z loop that regulates an amplitude: its setpoint, what is refused, what is told; docs/dynamic.md."""
+"""A z loop that regulates an amplitude: its setpoint, refusals, warnings; docs/dynamic.md."""
 
 import math
 

@@ -125,7 +125,7 @@ class State(PiState):
 
 
 def frequency(parameters: Tree) -> float:
-    """Of the drive [Hz]; 0 where the plant has no cantilever of its own."""
+    """Return the frequency of the drive [Hz]; 0 if it is not given and the plant has no cantilever."""
     part, cantilever = parameters.onboard, parameters.plant.cantilever_numbers
     name = "f_torsion" if part.drive == "torsion" else "f0"
     return float(part.drive_frequency or (0.0 if cantilever is None else getattr(cantilever, name)))
@@ -217,7 +217,7 @@ def late(x: float, y: float) -> float:
 
 @kernel
 def mixed(d: Detection, angle: float, in_phase: Array, quadrature: Array, p: Constants) -> tuple[float, float]:
-    """The signal with cosine and sine of an angle [rad], behind the last of the low-passes that it goes through [V]."""
+    """Return the signal times cosine and sine of an angle [rad], after the last of the low-passes [V]."""
     sin, cos = sincos(angle % _TURN)
     signal = d.lateral_voltage if p.lateral != 0.0 else d.deflection_voltage
     x, y = 2.0 * signal * cos, 2.0 * signal * sin

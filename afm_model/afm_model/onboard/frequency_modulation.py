@@ -2,7 +2,7 @@
 
 A phase-locked loop holds the phase at its setpoint by the frequency, drive_frequency + shift; the other one holds the
 amplitude by the drive. Both are proportional and integral, and their zero takes away the decay of the cantilever,
-tau = Q / (pi f0): behind the low-passes of the lock-in each is an integrator with the crossover B that is asked for,
+tau = Q / (pi f0): after the low-passes of the lock-in each is an integrator with the crossover B that is asked for,
 
     shift = B (e + I / tau) [Hz],  I' = e = phase_setpoint - phase [rad]
 
@@ -99,7 +99,7 @@ def _check(parameters: Tree) -> None:
         if (given := getattr(part, name)) > most:
             raise ValueError(
                 f"onboard.{name} = {given:g} Hz is not allowed with {part.filter_order} low-passes of "
-                f"{part.time_constant:g} s, behind which the loop would oscillate: take <= {most:.3g} Hz"
+                f"{part.time_constant:g} s, after which the loop would oscillate: take <= {most:.3g} Hz"
             )
 
 

@@ -24,7 +24,7 @@ _Rate = Annotated[float, Ge(-_FASTEST), Le(_FASTEST), Unit("m/s")]
 
 
 class Drift(Group):
-    """Thermal drift of the sample against the holder of the tip, which no position sensor sees. Off by default."""
+    """Thermal drift of the sample against the holder of the tip, which no position sensor sees. By default off."""
 
     rate_x: _Rate = Field(0.0, description="velocity of the sample along x at the start")
     rate_y: _Rate = Field(0.0, description="velocity of the sample along y at the start")

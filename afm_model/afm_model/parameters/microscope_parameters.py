@@ -76,7 +76,7 @@ def resolved(model: type[Group], values: Mapping[str, Any]) -> dict[str, Any]:
     ------
     ParameterError
         If a name of `microscope` does not exist or a value is not allowed, or the simulator is given the same twice.
-        What a controller is given itself counts: it may have been told something else on purpose.
+        What a controller is given itself counts: it may be configured otherwise on purpose.
     """
     own = {name: value for name, value in values.items() if not name.startswith(PREFIX)}
     given = {name.removeprefix(PREFIX): value for name, value in values.items() if name.startswith(PREFIX)}

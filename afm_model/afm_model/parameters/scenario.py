@@ -32,7 +32,7 @@ class Header(Group):
     title: str = ""
     description: str = ""
     controller: Literal["", "composed"] = ""
-    """`composed`: session and launch run our controller in the simulator's process, unless they are told otherwise."""
+    """`composed`: session and launch run our controller in the simulator's process, unless configured otherwise."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ def scenario_file(name: str | os.PathLike[str]) -> Path:
     Raises
     ------
     FileNotFoundError
-        If there is none; the message is a sentence that lists the names.
+        If the scenario does not exist; the message is a sentence that lists the names.
     """
     if Path(name).is_file():
         return Path(name)

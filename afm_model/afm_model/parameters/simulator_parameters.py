@@ -72,7 +72,7 @@ def timing_inside(model: type[Group], values: Mapping[str, Value]) -> dict[str, 
 
 
 class Safety(Group):
-    """When the instrument takes the drive itself, and how it gives it back: docs/safe_states.md. All off by default."""
+    """When the instrument takes the drive itself, and how it gives it back: docs/safe_states.md. By default all off."""
 
     travel_limit: Annotated[NonNegative, Unit("m")] = Field(
         0.0, description="position of the scanner along x or y beyond which the sample is withdrawn; 0: no limit"

@@ -167,7 +167,7 @@ def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def check_types(values: Mapping[str, Any], *, empty: bool = False) -> None:
-    """Raise YamlError if a value is none that ROS has a type for; an empty list has one in a node that runs."""
+    """Raise YamlError if ROS has no type for a value; an empty list has a type in a node that runs."""
     for name, value in values.items():
         types = {type(part) for part in value} if isinstance(value, list) else {type(value)}
         if empty and not types:

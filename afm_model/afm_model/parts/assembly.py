@@ -41,7 +41,7 @@ class Assembled:
 
     @property
     def places(self) -> dict[str, int]:
-        """Fields of a header: the addresses of the functions, 0 where there is none."""
+        """Fields of a header: the addresses of the functions, 0 if a function is missing."""
         addresses = {name: function.address for name, function in self.functions.items()}
         return {f"{self.part.family}_{name}": addresses.get(name, 0) for name in self.part.functions}
 

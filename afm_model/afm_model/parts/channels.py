@@ -1,6 +1,6 @@
 """The one table of the channels of an instrument: what is sampled at the rate of the virtual ADC.
 
-Topics, recorder and reader take names and units from here. Parts add channels of their own
+Topics, recorder and reader take names and units from here. Parts add further channels
 (`afm_model.parts.Channel`).
 """
 

@@ -85,7 +85,7 @@ class Command:
             )
 
     def covers(self, age: float) -> bool:
-        """Whether it holds a drive of its own for a time so long after the measurement that it answers [s]."""
+        """Return whether it holds a drive for a time this long after the measurement that it answers [s]."""
         return age < (len(self.horizon) + 1) * self.horizon_period * (1.0 - 1e-9)
 
 

@@ -28,7 +28,7 @@ class ProgramParameters(Group):
 
     @property
     def amplitude(self) -> tuple[float, float]:
-        """Amplitude along x and y [m], by which errors are judged; 0 if there is none."""
+        """Amplitude along x and y [m], by which errors are judged; 0 without a motion."""
         return 0.0, 0.0
 
     @property
@@ -159,7 +159,7 @@ class SampleParameters(Group):
 
 
 class DetectorParameters(Group):
-    """Photodetector and position sensors. What is not ideal about them is off by default."""
+    """Photodetector and position sensors. By default they are ideal."""
 
     family = "detector"
 

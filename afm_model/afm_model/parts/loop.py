@@ -23,11 +23,11 @@ class Onboard(Part):
     Parameters
     ----------
     begin : callable
-        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
+        (parameters, s, drive [V]) -> None: given the drive (x, y, z) that holds the plant at the start, may write s;
         called if the part has a state. If not given, it writes `s.z` of a part that moves z.
     moves_z : bool
         It drives z, whatever is asked along z. The instrument itself takes z from it by `r.z_mode` GIVEN: u is z then,
-        and the part goes on from there later. Unless it has channels of its own, the fields `z` of its state (z as
+        and the part goes on from there later. Unless it declares channels, the fields `z` of its state (z as
         driven [m], positive towards the sample) and `error` (setpoint less deflection [V]) are the channels `z_loop`,
         which verbs need, and `z_loop_error`.
     setpoint : callable, optional
@@ -42,7 +42,7 @@ class Onboard(Part):
 
     regulate: Kernel | None = None
     excites: bool = False
-    """It also writes how the cantilever is excited: `amplitude` and the fields behind it of u, an Actuation, which stay
+    """It also writes how the cantilever is excited: `amplitude` and the fields after it of u, an Actuation, which stay
     until it writes others.
     """
     moves_z: bool = False

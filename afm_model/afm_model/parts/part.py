@@ -113,10 +113,10 @@ class Part:
     warnings : callable
         Parameters -> what is implausible, a sentence each.
     recorded : bool
-        False: the state is no state of the instrument but of what is told; neither recorded nor in the hash.
+        False: the state is not one of the instrument but of what it reports; not recorded and not in the hash.
     channels : tuple of Channel
     draws : int
-        Random numbers that it uses in each control tick, by a seed of its own.
+        Random numbers that it uses in each control tick, by a separate seed.
     draw : callable
         (parameters, generator, ticks) -> (ticks, draws) of them, standard normal if not given; None: they are all zero.
     lanes : bool
@@ -196,8 +196,8 @@ class Law(Part):
 
     control: Kernel
     memory: tuple[str, Callable[[Tree], int]] | None = None
-    """Numbers that it keeps beside its state, zeros at the start: the field of the state in which their address stands,
-    to be read by `numbers_at`, and parameters -> how many. Where that changes the law begins anew.
+    """Numbers that it keeps outside its state, zeros at the start: the field of the state in which their address
+    stands, to be read by `numbers_at`, and parameters -> how many. If that number changes the law begins again.
     """
     change: Callable[[Any, Any, Any], None] = lambda before, now, state: None
     """Constants before and after a change of parameters while the law runs, and its state, which it may write: so that
@@ -253,12 +253,12 @@ class Fault(Part):
 class Piezo(Part):
     """The piezo ceramic: `actuate(t, u, v, p, s)` writes into v what drive u comes to, in volts of an ideal piezo.
 
-    Called at every sample of the virtual ADC, behind range, resolution and delay of the drive.
+    Called at every sample of the virtual ADC, after range, resolution and delay of the drive.
 
     Parameters
     ----------
     begin : callable
-        (parameters, s, drive [V]) -> None: told the drive (x, y, z) that holds the plant at the start, may write s;
+        (parameters, s, drive [V]) -> None: given the drive (x, y, z) that holds the plant at the start, may write s;
         called if the part has a state. What it comes to must be that drive itself.
     """
 
@@ -277,7 +277,7 @@ SPRING, RIGID, OTHER = "spring", "rigid", "other"
 class Plant(Part):
     """Equations of motion: `step(t, v, r, p, s, m)` advances s by one integration step that begins at time t [s],
     under v of Actuation: the drive [V], and for a plant that takes it the excitation; r holds the part's random
-    numbers. `observe(p, s, o)` tells the state as a record o of Truth.
+    numbers. `observe(p, s, o)` writes the state into a record o of Truth.
 
     The sample is asked through m: `afm_model.parts.surface(x, y, m)` with x, y in x0.
 
@@ -298,7 +298,7 @@ class Plant(Part):
     takes_lattice : bool
         Its friction can be the potential that a sample with `lattice` writes.
     takes_excitation : bool
-        It moves the base of its cantilever as v tells.
+        It moves the base of its cantilever as v says.
     averages : bool
         Of an excited cantilever it has amplitude and phase as its state, and shows no higher harmonics: plant.dt need
         not resolve the excitation.
@@ -308,8 +308,8 @@ class Plant(Part):
     marks : bool
         Of one with `lanes`: what is seldom it leaves to the routine of an instrument alone (compiled/ways.py).
     ledger : type[Record]
-        What it keeps beside its state, at m[plant_ledger of BlockHeader], such as energies: zeros at the start, neither
-        recorded nor in the hash. A channel may name a field of it as one of the state.
+        What it keeps outside its state, at m[plant_ledger of BlockHeader], such as energies: zeros at the start, not
+        recorded and not in the hash. A channel may name a field of it as one of the state.
     time_outside : str
         Field of the ledger: time since the start in which the state was outside of what this plant holds for [s].
     """
@@ -344,7 +344,7 @@ class Sample(Part):
     map : callable, optional
         Parameters -> array of float64, read-only for the kernel: heights of a map, say.
     height : callable
-        Parameters -> height amplitude [m], by which the error along z is judged; 0 if there is none.
+        Parameters -> height amplitude [m], by which the error along z is judged; 0 for a flat sample.
     curvature : callable
         Parameters -> largest |mean curvature| [z0/x0^2], for the longest step and the contact.
     contrast : callable, optional

@@ -39,7 +39,7 @@ along x; its base rocks about the axis of the cantilever.
 
 class Actuation(Drive):
     """What reaches the plant: a drive, and an excitation of the cantilever,
-    amplitude cos(phase + angular_frequency (t - since)), and a second one of the same kind beside it.
+    amplitude cos(phase + angular_frequency (t - since)), and in addition a second one of the same kind.
     """
 
     # Of the base; TIP: force over the spring constant; TORSION: way of the tip with a base that rocks, without twist.

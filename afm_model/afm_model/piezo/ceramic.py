@@ -42,7 +42,7 @@ _SCANNED = "stroke along {0} for that loop; 0: that of the scan, 2 reference.amp
 
 
 class CeramicParameters(PiezoParameters):
-    """A piezo with hysteresis, creep and an amplifier. Each is off by default."""
+    """A piezo with hysteresis, creep and an amplifier. By default each is off."""
 
     kind: str = Field("ceramic", description="the piezo ceramic")
     hysteresis_x: _Opening = Field(0.0, description=_OPENING.format("x"))

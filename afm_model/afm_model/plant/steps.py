@@ -110,7 +110,7 @@ def stable_step(parameters: Tree, *, with_contact: bool | None = None) -> float:
     ----------
     parameters : InstrumentParameters
     with_contact : bool, optional
-        Whether the contact is a spring of its own; by default unless the plant declares that it is rigid.
+        Whether the contact is a separate spring; by default unless the plant declares that it is rigid.
     """
     if with_contact is None:
         with_contact = contact_of(parameters) != RIGID

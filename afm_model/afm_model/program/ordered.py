@@ -193,7 +193,7 @@ def reference(t: float, r: Setpoint, p: Constants) -> None:
 
 @kernel
 def along_profile(late: float, numbers: Any, step: Any) -> tuple[float, bool]:
-    """Offset `late` periods behind the begin of a profile, and whether it is over."""
+    """Return the offset `late` periods after the begin of a profile, and whether it is over."""
     begin, last = int(step.begin), step.count - 1.0
     if late >= last:
         return numbers[begin + int(last)], True

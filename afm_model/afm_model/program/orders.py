@@ -24,7 +24,7 @@ FOLLOW, DWELL, REST, RAMP, PROFILE = range(5)
 move by a profile.
 """
 END = -1
-"""Next step that is none."""
+"""Number of the next step if no step follows."""
 DEFLECTION, AMPLITUDE = range(2)
 """What a trigger looks at: the rise of the deflection; the amplitude of the lock-in, which falls."""
 
@@ -101,7 +101,7 @@ class Lines:
     """Lines to and fro at even speed, with rounded turns of continuous acceleration.
 
     In order: a lead-in as long as a turn, then for each line trace, turn, retrace, turn; the last turn is a lead-out.
-    The slow axis steps during the turn behind a retrace. Times are samples of the virtual ADC.
+    The slow axis steps during the turn after a retrace. Times are samples of the virtual ADC.
     """
 
     x: float  # middle of the frame [m]
@@ -163,7 +163,7 @@ class Order:
             )
 
     def numbers(self) -> NDArray[np.float64]:
-        """What a kernel reads beside the block: steps (StepRecord), their profiles, the pieces of the motion."""
+        """What a kernel reads outside the block: steps (StepRecord), their profiles, the pieces of the motion."""
         rows = np.zeros(len(self.steps), StepRecord)
         profiles = [np.asarray(step.profile, np.float64) for step in self.steps]
         begin = len(self.steps) * size(StepRecord)

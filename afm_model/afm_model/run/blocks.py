@@ -47,14 +47,14 @@ class Blocks:
         self._delays.count(np.zeros(1, np.float32), np.zeros(1), np.zeros(1))
 
     def reset(self) -> None:
-        """Begin anew with the instrument. What has not been handed on is lost: see `flush`."""
+        """Begin again with the instrument. What has not been handed on is lost: see `flush`."""
         self._delays.reset()
         self.round_trips = array("d")
         self._doubtful.clear()
         self._waiting.clear()
 
     def note_delay(self, lateness: float, command_age: float) -> None:
-        """Realtime: how late a tick is, and how old the measurement behind its drive [s]; before the tick."""
+        """Note in realtime how late a tick is, and the age of the measurement of its drive [s]; before the tick."""
         self._delays.note(lateness, command_age)
 
     def doubt_next(self) -> None:
@@ -77,7 +77,7 @@ class Blocks:
             self.do_one()
 
     def do_one(self) -> bool:
-        """Do a piece of the work on blocks that have ended, some 10 us of it; False if there is none."""
+        """Do a piece of the work on blocks that have ended, some 10 us of it; False without such work."""
         if not self._waiting:
             return False
         self._waiting.popleft()()

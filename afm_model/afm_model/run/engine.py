@@ -192,11 +192,11 @@ class Engine:
 
     @property
     def wanted(self) -> int:
-        """Ticks up to the next behind which there is something to look at."""
+        """Ticks up to the next after which there is something to look at."""
         return self._context.look_at - self.instrument.ticks
 
     def stop_at(self, tick: int | None) -> None:
-        """Pause by itself behind this tick; None: do not."""
+        """Pause by itself after this tick; None: do not."""
         self._stop_at = tick
         self._find_look()
 
@@ -228,12 +228,12 @@ class Engine:
         self._find_look()
 
     def _find_look(self) -> None:
-        """The next tick behind which there is something to look at, whatever comes of those before."""
+        """Find the next tick after which there is something to look at, whatever comes of those before."""
         ends = (self.instrument.block_end, self._total_ticks or math.inf, self._stop_at or math.inf)
         self._context.look_at = int(min(ends))
 
     def follow_limits(self) -> None:
-        """Tell of the instrument's drive, if it has changed hands."""
+        """Report who has the instrument's drive, if that has changed."""
         guard, life, phase = self.instrument.guard, self.life, self.phase
         if phase == life.state or guard.event not in EVENTS:
             return

@@ -31,9 +31,9 @@ class Link:
         """Send the measurement of tick `sequence`; the array is overwritten by the next tick."""
 
     def take(self) -> tuple[int, Answer] | None:
-        """The oldest drive not yet taken: sequence of the measurement it answers, voltages (3,) [V] or Command.
+        """Take the oldest drive: return the sequence of the measurement it answers, and voltages (3,) [V] or Command.
 
-        None if there is none.
+        None if no drive is left.
 
         What came and cannot be a drive is the error that says why.
 
@@ -42,7 +42,7 @@ class Link:
         Raises
         ------
         MalformedError
-            If what came cannot be read. It is taken then: the next call goes on behind it.
+            If what came cannot be read. It is taken then: the next call goes on after it.
         """
         return None
 

@@ -52,8 +52,8 @@ class Pacing:
         """Follow a change of the parameters."""
 
     def next(self) -> int | None:
-        """How many ticks are to be made now. 0: something else was done, ticks with nothing to look at behind them
-        included; -1: one was made, and there is; None: there was nothing to do. Never waits.
+        """Return how many ticks are to be made now. 0: something else was done, such as ticks with nothing to look at
+        after them; -1: one was made, and there is; None: there was nothing to do. Never waits.
         """
         raise NotImplementedError
 

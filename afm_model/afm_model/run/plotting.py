@@ -32,7 +32,7 @@ _ABOVE: dict[str, Any] = {
     "fontsize": "small",
     "frameon": False,
 }
-"""A legend beside the title, where it hides nothing."""
+"""A legend next to the title, where it hides nothing."""
 
 
 @dataclass(frozen=True)

@@ -159,8 +159,8 @@ def recorded_parameters(
     Raises
     ------
     ParameterError
-        If the instrument of today does not know one of its own, or refuses its value; if it chooses a `module:NAME`
-        that is not in `parts`.
+        If the instrument of today does not know a parameter of the recording, or refuses its value; if the recording
+        chooses a `module:NAME` that is not in `parts`.
     """
     ordered = {each.name: each.new for each in changes if each.name.startswith("fault.")}
     known = {**values, **ordered}

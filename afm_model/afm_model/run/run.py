@@ -1,4 +1,4 @@
-"""A run and its commands. No ROS, no sleeping, no clock of its own."""
+"""A run and its commands. No ROS, no sleeping, no clock inside."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,7 +21,7 @@ from .timing import Delays
 class Run(Engine):
     """One instrument in lockstep or in real time, with the commands from outside.
 
-    Who calls `step` may wait in between: until `deadline`, or where that is None, until a drive arrives. Only the
+    Who calls `step` may wait in between: until `deadline`, or without a deadline until a drive arrives. Only the
     methods of this class and of `Engine` change the state.
 
     Parameters
@@ -130,7 +130,7 @@ class Run(Engine):
     def step_by(self, ticks: int) -> str:
         """Make so many ticks and pause again; why not, or an empty string.
 
-        A run that has been told not to start before `play` starts with them.
+        A run that is configured not to start before `play` starts with them.
         """
         if ticks < 1:
             return f"{ticks} ticks are not allowed: it must be 1 at least"

@@ -104,7 +104,7 @@ class SimulatedLink(Link):
 
 
 class Latency(Group):
-    """Wall time from publishing a measurement to the arrival of its drive, drawn anew for each from a seed."""
+    """Wall time from publishing a measurement to the arrival of its drive, drawn for each separately from a seed."""
 
     kind: Literal["lognormal", "normal"] = Field("lognormal", description="distribution of the latency")
     median: Annotated[Positive, Unit("s")] = Field(2e-4, description="half of the drives arrive within it")

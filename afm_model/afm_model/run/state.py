@@ -127,7 +127,7 @@ EVENTS = {
     limits.RESUMED: Cause.RESUME,
     limits.APPROACHED: Cause.APPROACHED,
 }
-"""Why the drive has changed hands behind a tick, as a cause."""
+"""Why the drive has changed hands after a tick, as a cause."""
 
 
 class Life:
@@ -151,7 +151,7 @@ class Life:
 
     @property
     def detail(self) -> str:
-        """Message about this state; empty if there is none."""
+        """Message about this state; may be empty."""
         return self._detail
 
     def go(self, cause: Cause, detail: str = "") -> None:

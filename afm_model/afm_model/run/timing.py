@@ -17,7 +17,7 @@ _PER_DECADE = 200
 
 @routine
 def _count(durations: _Array, counts: NDArray[np.int64]) -> float:
-    """Count durations [s] in the bins of a histogram; the largest of them, 0 if there is none."""
+    """Count durations [s] in the bins of a histogram; return the largest of them, 0 if there are no durations."""
     largest = 0.0
     for duration in durations:
         if not math.isfinite(duration):
@@ -113,7 +113,7 @@ class DelayLog:
         self._lateness, self._ages = array("d"), array("d")
 
     def note(self, lateness: float, command_age: float) -> None:
-        """Realtime: how late a tick was, and how old the measurement behind the drive in force [s]."""
+        """Note in realtime how late a tick was, and the age of the measurement of the drive in force [s]."""
         self._lateness.append(lateness)
         self._ages.append(command_age)
 

@@ -157,7 +157,7 @@ def retracted_fraction(summary: ScoreSummary, end: Snapshot) -> float:
 
 
 def shortfall(end: Snapshot) -> str:
-    """How far a realtime run fell behind its clock, in one sentence; empty if it did not."""
+    """Return by how much a realtime run was slower than its clock, in one sentence; empty if it was not."""
     missed = end.counts.periods_missed
     if not missed or end.wanted_factor is None:
         return ""

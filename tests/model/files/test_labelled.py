@@ -143,10 +143,10 @@ def test_labelled_curves_are_written_as_the_curves_themselves(tmp_path):
 
 def test_something_else_is_refused_in_a_sentence(tmp_path):
     loop = to_xarray(results()["loop"])
-    with pytest.raises(ValueError, match="this is no scan, neither an Image nor the labelled arrays of one: Dataset"):
+    with pytest.raises(ValueError, match="Dataset is not a scan: it must be an Image or the labelled arrays of one"):
         write_gwy(tmp_path / "loop.gwy", loop)
-    with pytest.raises(ValueError, match="these are no force curves, neither Curve nor their labelled arrays: list"):
+    with pytest.raises(ValueError, match="list has no force curves: it must be a list of Curve or labelled arrays"):
         write_curves(tmp_path / "curves.h5", [scans.curve(), 1.0])
-    with pytest.raises(ValueError, match="these are no force curves, neither Curve nor their labelled arrays: Dataset"):
+    with pytest.raises(ValueError, match="Dataset has no force curves: it must be a list of Curve or labelled arrays"):
         write_curves(tmp_path / "loop.h5", loop)
     assert not list(tmp_path.iterdir())

@@ -210,7 +210,7 @@ def test_frequency_goes_to_the_phase_that_is_asked_for_with_the_bandwidth_that_i
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"onboard.phase_bandwidth": 2500.0}, r"behind which the loop would oscillate: take <= 1.99e\+03 Hz"),
+        ({"onboard.phase_bandwidth": 2500.0}, r"after which the loop would oscillate: take <= 1.99e\+03 Hz"),
         ({"onboard.amplitude_setpoint": 0.0}, "amplitude_bandwidth is not allowed without onboard.amplitude_setpoint"),
         ({"plant.kind": "compliant"}, "frequency_modulation is not allowed with plant.kind = compliant: take lever"),
     ],

@@ -55,9 +55,9 @@ def test_what_is_no_drive_is_the_error_of_the_row(cluster, own, tmp_path, monkey
 
 
 def test_text_of_a_law_is_one_line_however_it_is_written(tmp_path, monkeypatch):
-    (tmp_path / "knowing.py").write_text("class Law:\n    knowledge = 'nothing\\n  pid is told: all'\n")
+    (tmp_path / "knowing.py").write_text("class Law:\n    knowledge = 'nothing\\n  pid is given: all'\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert contender("knowing:Law").knowledge == "nothing pid is told: all"
+    assert contender("knowing:Law").knowledge == "nothing pid is given: all"
     assert contender("  pid   slowness=1 ").label == "pid slowness=1"
 
 

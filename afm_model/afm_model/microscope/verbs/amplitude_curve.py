@@ -38,7 +38,7 @@ class AmplitudeCurve(Verb):
     begin: Length = Field(1e-9, description="z first goes towards the sample by this")
     ramp: Length = Field(100e-9, description="way of the curve from there, towards the sample and back")
     rate: Speed = Field(1e-6, description="velocity of z in the curve")
-    begin_rate: Speed = Field(10e-6, description="velocity of z before and behind it")
+    begin_rate: Speed = Field(10e-6, description="velocity of z before and after the curve")
     settle: Rest = Field(20e-3, description="rest before the curve")
     points: Count = Field(500, description="means in each direction, at most")
     end_share: Annotated[float, Ge(0), Lt(1)] = Field(
@@ -60,7 +60,7 @@ class AmplitudeCurve(Verb):
         yield from too_fast("begin_rate", self.begin_rate, 0.0, self.begin, view)
         left = view.reach[1] - view.offset
         if self.begin + self.ramp > left:
-            yield f"ramp = {self.ramp:g} m is not allowed here: z has {left - self.begin:.4g} m left behind begin"
+            yield f"ramp = {self.ramp:g} m is not allowed here: z has {left - self.begin:.4g} m left after begin"
         if self.samples(view) < 1.0:
             yield f"points = {self.points} is not allowed: there are {self.points * self.samples(view):.4g} samples"
         yield from too_much(2.0 * len(_names(view)) * self.points, f"points = {self.points}")

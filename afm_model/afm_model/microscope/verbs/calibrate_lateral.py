@@ -38,7 +38,7 @@ _ORDERED = (("slope_from", "slope_to", "m"), ("flat_from", "flat_to", "m"), ("se
 class CalibrateLateral(Verb):
     """Lines over a wedge at several setpoints, and from them the sensitivity of the lateral signal [N/V].
 
-    The sample is a grating whose slope rises towards +x, with a flat stretch beside it. The tip is on it, the scanner
+    The sample is a grating whose slope rises towards +x, with a flat stretch next to it. The tip is on it, the scanner
     anywhere: places are given.
     """
 

@@ -26,7 +26,7 @@ _PINNED = 4.5
 _WIDTHS = 4.0
 """Span of a sweep over its middle / Q, where it is not given: a pressed cantilever has a larger Q than a free one."""
 _QUICK = 3.0
-"""Decay times of the cantilever to a response that tells where the resonance is."""
+"""Decay times of the cantilever to a response that shows where the resonance is."""
 
 
 class ContactResonance(Verb):

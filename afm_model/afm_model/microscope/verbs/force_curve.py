@@ -106,7 +106,7 @@ def as_curves(curves: "Curve | Sequence[Curve] | xarray.Dataset") -> list[Curve]
     if isinstance(curves, Sequence) and all(isinstance(each, Curve) for each in curves):
         return list(curves)
     if not {"z", "deflection_voltage", "phase"} <= set(getattr(curves, "data_vars", ())):
-        raise ValueError(f"these are no force curves, neither Curve nor their labelled arrays: {type(curves).__name__}")
+        raise ValueError(f"{type(curves).__name__} has no force curves: it must be a list of Curve or labelled arrays")
     dataset: Any = curves
     given = {str(name): python_value(value) for name, value in dataset.attrs.items()}
     asked = {name: given[name] for name in ForceCurve.model_fields if name in given}
@@ -149,7 +149,7 @@ def _rise(curve: Curve) -> float:
 
 
 class ForceCurve(Verb):
-    """Force curves where the scanner stands. The feedback is off meanwhile, and on again behind them."""
+    """Force curves where the scanner stands. The feedback is off meanwhile, and on again after them."""
 
     returns: ClassVar = list[Curve]
     on_sample: ClassVar = True
@@ -274,7 +274,7 @@ class ForceCurve(Verb):
         yield Task(Order(view.stay(), landed()), back, "back to the sample")
         if not run.triggered:
             raise VerbError(
-                f"behind the curves the sample was not found again: z went {target - down:.4g} m without the "
+                f"after the curves the sample was not found again: z went {target - down:.4g} m without the "
                 f"deflection rising to the setpoint of {view.setpoint:.4g} V; the tip is withdrawn"
             )
         run.state.approached = True

@@ -53,7 +53,7 @@ class Approach(Verb):
     settle: Annotated[float, Gt(0), Le(1e4), Unit("s")] = Field(
         20e-3,
         description="rest before it, whose mean deflection is the zero (amplitude of a tip that taps: the free one), "
-        "and with feedback behind it",
+        "and another one after it with feedback",
     )
 
     def refusals(self, view: InstrumentView, state: MicroscopeState) -> Iterator[str]:

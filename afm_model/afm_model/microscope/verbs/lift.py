@@ -21,7 +21,7 @@ from ..view import InstrumentView
 from .scan import Scan, notes
 
 ABOVE = "_lift"
-"""Behind the name of a channel that is measured in the second pass."""
+"""Ending of the name of a channel that is measured in the second pass."""
 _PRESSED, _TAPPED = "deflection", "amplitude, phase"
 _SETTLED = 12.0
 """Lags of the amplitude after which it is settled."""
@@ -42,7 +42,7 @@ class Lift(Scan):
     lift_rate: Speed = Field(1e-6, description="velocity of z between the passes; fast, it may land in another branch")
     channels_above: str = Field(
         "",
-        description="what is measured in the second pass, as channels, `_lift` behind each name; empty: deflection, of "
+        description="what is measured in the second pass, as channels, `_lift` after each name; empty: deflection, of "
         "a tip that taps amplitude, phase",
     )
 

@@ -28,7 +28,7 @@ class Read(Verb):
     """Wait until cantilever and lock-in have settled, then give means of channels: for a host that reads seldom.
 
     Everything else stays as it is: place, feedback, drive. Every sample of the ADC is in a mean, so that nothing is
-    folded. `NAME_change` tells whether it has settled: the mean of the second half less that of the first.
+    folded. `NAME_change` shows whether it has settled: the mean of the second half less that of the first.
     """
 
     returns: ClassVar = Arrays

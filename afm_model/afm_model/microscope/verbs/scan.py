@@ -29,7 +29,7 @@ _AT_THE_END = 1e-12
 _FREE = 0.9
 """From this part of the free amplitude less setpoint on, a tip that taps is off the sample (mean over a pixel)."""
 _MANY = 0.01
-"""Pixels with the tip off the sample, over all, that are told."""
+"""Fraction of all pixels with the tip off the sample, from which on a warning is given."""
 
 
 class Scan(Raster, Verb):

@@ -74,7 +74,7 @@ class State(Record):
 
 
 class Ledger(Record):
-    """What follows from the excitation, made anew where that changes, and the energy taken since the start."""
+    """What follows from the excitation, made again when that changes, and the energy taken since the start."""
 
     known: float  # 1.0 if the rest has been made
     amplitude: Annotated[float, "m"]  # of which excitation

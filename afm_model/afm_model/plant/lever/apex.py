@@ -1,7 +1,7 @@
 """The tip's apex on a sample of atoms, plant `lever`: parameters, constants, state; docs/lever.md (32) to (36).
 
-The place that the tip holds on to is then one in the potential of the sample. It has a mass and a damping of its own,
-or none and slips at once.
+The place that the tip holds on to is then one in the potential of the sample. It has a separate mass and damping, or
+it has none and slips immediately.
 """
 
 import math

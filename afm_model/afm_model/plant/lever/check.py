@@ -69,7 +69,7 @@ def require_step(dt: float, frequency: float, phase: float, what: str, otherwise
 def require_blunt_sample(parameters: Tree) -> None:
     """Raise ParameterError if the sample is sharper than the tip: asked when an instrument is made.
 
-    A sample that tells its contrast has checked that itself, with the place.
+    A sample that declares its contrast has checked that itself, with the place.
     """
     bend = sample_curvature(parameters) * parameters.plant.cantilever_numbers.tip_radius
     if bend >= 1.0 and registry.find("sample", parameters.sample.kind).contrast is None:

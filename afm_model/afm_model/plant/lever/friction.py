@@ -39,9 +39,9 @@ def on_surface(
     P_x, P_y : floats [m]
         Place of the tip on the sample at mid-step, if it felt no force.
     P_z, tip_z : floats [m]
-        Height of the scanner and deflection of the tip there, likewise.
+        Height of the scanner and deflection of the tip there, if it felt no force.
     D_x, D_y, D_z : floats [m]
-        Way of the sample against the tip in the second half of the step, likewise.
+        Path of the sample against the tip in the second half of the step, if it felt no force.
     p, s : records of Constants and State
     m, at : block of the instrument, where the table of the contact begins
 

@@ -1,12 +1,12 @@
 """The indentation of the tip of the plant `lever` on its sample; docs/lever.md (20), (23).
 
-Everything elastic behind the tip is one compliance, so that the indentation x is the root of a balance,
+Everything elastic that holds the tip is one compliance, so that the indentation x is the root of a balance,
 target - x - w_n N(x) - w_f F_max(x). Where it has several, it is the first one in the direction in which the tip is
 pulled at the last indentation.
 
 Off the sample N is concave, in contact it is convex. So there is no other root between the last indentation and one on
 the same side of the end of contact, if there the balance falls and here it pulls to that side; and a tangent from
-contact that meets zero beyond the end of contact tells that no root is in contact.
+contact that meets zero beyond the end of contact shows that no root is in contact.
 """
 
 import math

@@ -83,7 +83,7 @@ def on_lattice(
         Place of the tip on the sample at mid-step and how far the sample without its height stands above it, if it felt
         no force.
     D_x, D_y, D_z : floats [m]
-        Way of the sample against the tip in the second half of the step, likewise.
+        Path of the sample against the tip in the second half of the step, if it felt no force.
     p, s : records of Constants and State
     m, at : block of the instrument, where the table of the contact begins
 

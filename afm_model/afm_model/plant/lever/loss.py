@@ -25,7 +25,7 @@ class LossParameters(ApexParameters):
         0.0, description="time in which the force of the viscosity relaxes (standard linear solid); 0: at once"
     )
     bridge_volume: Annotated[NonNegative, Unit("m^3")] = Field(
-        0.0, description="volume of the liquid bridge between tip and sample; 0: there is none"
+        0.0, description="volume of the liquid bridge between tip and sample; 0: no bridge"
     )
     bridge_tension: Annotated[Positive, Unit("N/m")] = Field(
         0.072, description="surface tension of its liquid times the cosine of the contact angle"

@@ -83,7 +83,7 @@ class LeverGroup(LossParameters):
     range: _Metre = Field(0.0, description=f"range z_0 of the adhesive stress; {_PRESET}")
     temperature: Annotated[NonNegative, Unit("K")] = Field(
         0.0,
-        description="thermal noise of cantilever and apex, each by a stream of its own from seed; 0: none",
+        description="thermal noise of cantilever and apex, each by a separate stream from seed; 0: none",
     )
     contact: Literal["maugis", "jkr", "dmt"] = Field(
         "maugis", description="adhesive contact; maugis takes its place between dmt and jkr from materials and radius"

@@ -111,7 +111,7 @@ def _hold(give: tuple[float, float], beside: float, p: Any, s: Any, m: Any) -> N
     Parameters
     ----------
     give : (x, y) [m/N]
-        Of everything elastic behind the apex.
+        Compliance of everything elastic that holds the apex.
     beside : float [m]
         Place along y of a tip without lateral force.
     """

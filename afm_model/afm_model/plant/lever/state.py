@@ -58,7 +58,7 @@ class State(Record):
 
 
 class Ledger(Record):
-    """What a plant keeps beside its state: what the contact has taken, and what it takes in this step."""
+    """What a plant keeps outside its state: what the contact has taken, and what it takes in this step."""
 
     viscous: Annotated[float, "J"]  # energy taken since the start, by viscosity
     bridged: Annotated[float, "J"]  # by liquid bridges

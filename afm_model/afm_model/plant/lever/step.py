@@ -1,9 +1,9 @@
 """Step of the plant `lever`: stiff scanner, cantilever that bends and twists, tip that sticks and slides.
 
 The scanner is three damped oscillators, the bending of the cantilever one to three, its torsion one or none; bending
-sideways and the higher modes follow the force without delay. Friction acts between tip and sample, set-valued, behind
-the lateral stiffness 8 G* a of the contact; on a sample of atoms the tip moves in their potential instead. Scheme:
-implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23), (41).
+sideways and the higher modes follow the force without delay. Friction acts between tip and sample, set-valued, in
+series with the lateral stiffness 8 G* a of the contact; on a sample of atoms the tip moves in their potential instead.
+Scheme: implicit midpoint rule, the contact solved at mid-step; docs/lever.md (14) to (23), (41).
 """
 
 import math
