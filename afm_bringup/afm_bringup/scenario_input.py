@@ -1,7 +1,7 @@
 """Scenarios by name, read and checked; the parameter file that the nodes are given, as every reader takes it."""
 
 import argparse
-from collections.abc import Mapping, Sequence, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 

@@ -105,20 +105,20 @@ def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]
     return 0.0, 0.0, float((s.Z + s.F_z / scanner.k_z) / p.metres[2])
 
 
-def _hold(give: tuple[float, float], beside: float, p: Any, s: Any, m: Any) -> None:
+def _hold(give: tuple[float, float], y_free: float, p: Any, s: Any, m: Any) -> None:
     """Write into s the minimum of a lattice in which the tip rests, and the force that holds it there.
 
     Parameters
     ----------
     give : (x, y) [m/N]
         Compliance of everything elastic that holds the apex.
-    beside : float [m]
+    y_free : float [m]
         Place along y of a tip without lateral force.
     """
-    u_x, u_y = 0.0, beside
+    u_x, u_y = 0.0, y_free
     for _ in range(_PARTS):
         H = surface(u_x / p.x0, u_y / p.x0, m)
-        s.T_x, s.T_y = -u_x / give[0], (beside - u_y) / give[1]
+        s.T_x, s.T_y = -u_x / give[0], (y_free - u_y) / give[1]
         slope, bend = s.N * p.rise, s.N * p.rise / p.x0
         step_x, step_y, _ = plain(downhill)(
             H.potential_x + slope * H.slope_x - s.T_x,
