@@ -186,7 +186,7 @@ def test_bags_that_cannot_be_read_rightly_are_refused_in_a_sentence(
     block = Waveform(first_sample=0, sample_period=1e-6, samples=[1.0], scale=1.0, unit="m")
     other = Waveform(first_sample=0, sample_period=-1.0, samples=[1.0], scale=1.0, unit="m")
     for path, told in (
-        (bag("empty", (PARAMETER_EVENTS, ParameterEvent())), "neither control_trace nor a waveform"),
+        (bag("empty", (PARAMETER_EVENTS, ParameterEvent())), "no control_trace and no waveform"),
         (bag("two", ("/a/deflection", block), ("/b/deflection", block)), "several instruments"),
         (bag("again", (f"{SPACE}/deflection", block), (f"{SPACE}/deflection", block)), "several runs"),
         (bag("bad", (f"{SPACE}/deflection", other)), "period -1 s"),
