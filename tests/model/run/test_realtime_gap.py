@@ -39,12 +39,13 @@ class StoppedLink(SimulatedLink):
 
 @pytest.mark.parametrize(
     ("begin", "gap", "queue", "late", "within"),
-    # The last one: behind the gap the scanner goes many waves of the sample between two measurements.
+    # Trust returns later after each further fallback: two of them in the second. The last one: after the gap the scanner
+    # goes many waves of the sample between two measurements.
     [
         (0.615, 0.25, 10, 0.0, 0.25),
-        (0.7, 0.3, 10, 0.0, 0.25),
+        (0.7, 0.3, 10, 0.0, 0.4),
         (0.65, 0.5, 10, 0.0, 0.25),
-        (0.615, 0.25, 200, 0.6, 0.3),
+        (0.615, 0.25, 200, 0.6, 0.4),
     ],
 )
 def test_run_at_1_ms_goes_on_behind_a_gap_that_is_longer_than_its_horizon(
