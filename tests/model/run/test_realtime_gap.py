@@ -39,8 +39,8 @@ class StoppedLink(SimulatedLink):
 
 @pytest.mark.parametrize(
     ("begin", "gap", "queue", "late", "within"),
-    # Trust returns later after each further fallback: two of them in the second. The last one: after the gap the scanner
-    # goes many waves of the sample between two measurements.
+    # Trust returns later after each further fallback: two of them in the second. In the last one the scanner goes many
+    # waves of the sample between two measurements after the gap.
     [
         (0.615, 0.25, 10, 0.0, 0.25),
         (0.7, 0.3, 10, 0.0, 0.4),
