@@ -51,7 +51,7 @@ def commands(
     if controller == INSIDE:
         own[SIMULATOR] |= {f"law.{name}": value for name, value in flatten(scenario.controller.law).items()}
     write_parameters(scenario, parameters, own)
-    arguments = ["--ros-args", "--params-file", str(parameters), "-r", f"__ns:={namespace}"]
+    arguments = with_ros_arguments([], parameters, namespace)
     found = {RECORDER: [executable(RECORDER, RECORDER), *arguments]}
     if live:
         found[LIVE] = [executable(RECORDER, LIVE), str(work / RECORDING)]

@@ -8,7 +8,7 @@ from .decide import decide
 from .flight import answer, extend, first_of_reserve, recall, remember
 from .guard import begin_anew, fall_back, finite, watch
 from .map import write_map
-from .nominal_plant import drive_in_force, predict, steps, take_load
+from .nominal_plant import drive_in_force, predict, take_load
 from .observer import begin_observer, observe_scanner
 from .sample_estimate import (
     TOUCHES,
@@ -95,8 +95,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     for i in range(p.delay + p.count):
         if i >= p.delay:
             decide((i - p.delay) * p.fine, i, p, s)
-            if s.distrust > 0.0 and not steps(p, s):
-                fall_back((i - p.delay) * p.fine, i, p, s)
+            fall_back((i - p.delay) * p.fine, i, p, s)
         if i < max(p.delay + p.count - 1, p.slots):
             predict(s.plan[i, 0], s.plan[i, 1], s.plan[i, 2], p, s)
         if i < p.slots:

@@ -12,7 +12,7 @@ from .asked import ask
 from .constants import ANSWERS, SLOTS, Constants
 from .decide import decide
 from .guard import fall_back
-from .nominal_plant import drive_in_force, drives_of, predict, steps
+from .nominal_plant import drive_in_force, drives_of, predict
 from .state import State
 
 _MADE_UP = 8
@@ -131,8 +131,7 @@ def extend(k: int, p: Constants, s: State) -> None:
         ask((s.reserve_end - k * p.slots) * p.slot, p.horizon + (more - 1) * p.fine, p, s)
         for i in range(more):
             decide(i * p.fine, last + 1, p, s)
-            if s.distrust > 0.0 and not steps(p, s):
-                fall_back(i * p.fine, last + 1, p, s)
+            fall_back(i * p.fine, last + 1, p, s)
             for axis in range(3):
                 s.kept[s.reserve_end % SLOTS, axis] = s.plan[last + 1, axis]
             predict(s.plan[last + 1, 0], s.plan[last + 1, 1], s.plan[last + 1, 2], p, s)

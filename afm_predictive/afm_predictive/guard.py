@@ -10,6 +10,7 @@ from afm_model.parts import Measurement, exp, hypot, kernel, square
 
 from .constants import FOLLOWED, KNOWN, MEAN, NODES, UNEXPLAINED, VALUE, Constants
 from .map import begin_map
+from .nominal_plant import steps
 from .sample_estimate import REST
 from .state import State
 from .unexplained import GAIN_LIMITS, NOTHING, SEEMS, believe
@@ -121,6 +122,8 @@ def watch(k: int, y: Measurement, p: Constants, s: State) -> None:
 @kernel
 def fall_back(at: int, slot: int, p: Constants, s: State) -> None:
     """Mix into the drive of x and y in the plan, as far as the model is not trusted, that of the free scanner."""
+    if s.distrust == 0.0 or steps(p, s):
+        return
     end, middle = at + p.fine, at + p.fine // 2
     for axis in range(2):
         rise = (s.path[end, axis, 1] - s.path[at, axis, 1]) / (p.fine * p.tau)

@@ -146,9 +146,9 @@ def follow(
     if f[JUMPED] != 0.0 and counts:
         # Not the surface that was assumed: what came before does not count.
         of_value, both = innovation * innovation, 0.0
-    if not counts:
-        innovation = 0.0
     gain, gain_slope = of_value / (of_value + noise * noise), both / (of_value + noise * noise)
+    if not counts:
+        innovation = gain = gain_slope = 0.0
     # The mean is that of the way gone, at most over a few waves.
     f[GONE] = min(f[GONE] + q * way, 8.0 * math.pi)
     if way > 0.0:
@@ -157,8 +157,6 @@ def follow(
     if way > 0.0:
         slope = min(max(slope + gain_slope * innovation, -steepest), steepest)
         f[SLOPE_X], f[SLOPE_Y], f[WAY_X], f[WAY_Y] = slope * t_x, slope * t_y, t_x, t_y
-    if not counts:
-        gain = gain_slope = 0.0
     f[OF_SLOPE] = of_slope - gain_slope * both
     f[OF_VALUE] = (1.0 - gain) * of_value
     f[OF_BOTH] = (1.0 - gain) * both

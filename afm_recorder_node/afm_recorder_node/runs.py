@@ -11,7 +11,7 @@ SILENCE = 4.0
 middleware repeats lost messages."""
 QUIET = 0.5
 """The same for what comes once and at once, when all blocks are there: score, results, events [s]."""
-_BEHIND = 40
+_LAG = 40
 """Blocks of other streams without one of a stream, from when it counts as not delivered: some seconds."""
 
 
@@ -24,7 +24,7 @@ class StreamCounts:
     received: int = 0
     lost: int = 0
     unwritten: int = 0  # values that came while the file could not be written
-    behind: int = 0  # blocks of the trace and of the first channel since its last one
+    lag: int = 0  # blocks of the trace and of the first channel since its last one
 
     def put(self, block: MessageHead) -> bool:
         """Count a block; False if it has come before."""
@@ -92,13 +92,13 @@ class RunProgress:
         wanted = (self.trace, *self.channels)
         if name in wanted[:2]:
             for each in wanted:
-                self.stream(each).behind += 1
-        self.stream(name).behind = 0
+                self.stream(each).lag += 1
+        self.stream(name).lag = 0
 
     @property
     def problem(self) -> str:
         """Streams that bring nothing while others do; empty: none."""
-        silent = [name for name in (self.trace, *self.channels) if self.stream(name).behind > _BEHIND]
+        silent = [name for name in (self.trace, *self.channels) if self.stream(name).lag > _LAG]
         if not silent:
             return ""
         return f"nothing comes on {', '.join(silent)} while other streams arrive: start the simulator again"

@@ -1,5 +1,6 @@
 """A plant of your own, plant.kind stribeck:STRIBECK: friction that falls with the speed, on a flat sample."""
 
+import math
 from typing import Annotated
 
 from afm_model.parts import Field, Plant, PlantParameters, Record, Unit, Vector, exp, hypot, kernel, square
@@ -8,9 +9,7 @@ from afm_model.parts import Field, Plant, PlantParameters, Record, Unit, Vector,
 class Stribeck(PlantParameters):
     static: Annotated[float, Unit("N")] = Field(2e-7, ge=0, description="friction at which it begins to slide")
     kinetic: Annotated[float, Unit("N")] = Field(1e-7, ge=0, description="friction of a fast motion")
-    speed: Annotated[float, Unit("m/s")] = Field(
-        1e-7, gt=0, description="at which friction falls from one to the other"
-    )
+    speed: Annotated[float, Unit("m/s")] = Field(1e-7, gt=0, description="at which friction falls between them")
 
 
 class Constants(Record):
@@ -33,7 +32,7 @@ class State(Record):
 
 def values(parameters):
     scanner, mass = parameters.scanner, parameters.scanner.mass_ratio * parameters.cantilever.m_c
-    w = [6.283185307179586 * f for f in scanner.frequencies]
+    w = [2.0 * math.pi * f for f in scanner.frequencies]
     return {"mass": mass, "w": w, "xi": scanner.damping_ratios, "metres": parameters.piezo.sensitivities}
 
 

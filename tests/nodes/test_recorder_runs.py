@@ -178,8 +178,8 @@ def test_run_that_is_over_is_waited_for_as_long_as_a_block_is_missing(
 
 @pytest.mark.parametrize("silent", ["control_trace", *list(CHANNELS)[::3]])
 def test_stream_that_brings_nothing_while_others_do_is_a_problem(recorder: Recorder, silent: str) -> None:
-    blocks = run_of(4, BLOCK * (runs._BEHIND + 2))
-    for number in range(runs._BEHIND + 1):
+    blocks = run_of(4, BLOCK * (runs._LAG + 2))
+    for number in range(runs._LAG + 1):
         for name in ("control_trace", *CHANNELS):
             if name != silent:
                 put(recorder, blocks[name][number])

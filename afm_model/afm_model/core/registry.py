@@ -86,7 +86,7 @@ def find(family: str, name: str) -> Any:
     ParameterError
         If no part has that name, or the part cannot be imported, or it is not of this family.
     """
-    if name in _OWN.get(family, {}):
+    if shipped(family, name):
         return _OWN[family][name]
     offered = _offered().get(family, {})
     where = offered[name].value if name in offered else name

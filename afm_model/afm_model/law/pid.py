@@ -107,7 +107,7 @@ class State(SampledState):
     integrated: Vector
     one: Vector
     two: Vector
-    filtered: Vector  # error behind the filter of the rule
+    filtered: Vector  # error after the filter of the rule
     slope: Vector  # filtered derivative of the weighted error
     reference: Vector  # of the last measurement, as `measured` and `forward`
     measured: Vector
