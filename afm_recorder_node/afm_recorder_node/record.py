@@ -251,7 +251,7 @@ def _opened(path: Path, file: int, salvage: bool) -> RunRecord:
         raise RecordingError(f"{path} is no readable recording: it is not an .mcap file")
     record = RunRecord(path)
     places, broken = _places(file, size)
-    closed = size > 2 * len(MCAP0_MAGIC) and os.pread(file, len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)) == MCAP0_MAGIC
+    closed = _is_closed(file, size)
     whole = closed and not broken and places[-1].opcode == Opcode.FOOTER
     unchanged = whole and _is_unchanged(file, places)
     chunks = [each for each in places if each.opcode == Opcode.CHUNK]
@@ -279,6 +279,11 @@ def _opened(path: Path, file: int, salvage: bool) -> RunRecord:
     return record
 
 
+def _is_closed(file: int, size: int) -> bool:
+    """Whether a file ends as one that was written to its end."""
+    return size > 2 * len(MCAP0_MAGIC) and os.pread(file, len(MCAP0_MAGIC), size - len(MCAP0_MAGIC)) == MCAP0_MAGIC
+
+
 def _places(file: int, size: int, at: int = len(MCAP0_MAGIC)) -> tuple[list[_Place], int]:
     """Return the records of a file from a place up to where it breaks off, and how many bytes after it are no records.
 
@@ -299,7 +304,7 @@ def _places(file: int, size: int, at: int = len(MCAP0_MAGIC)) -> tuple[list[_Pla
         at = end
     # Behind a length that has changed the index still knows where the chunks are.
     tail = _HEAD.size + 20 + len(MCAP0_MAGIC)
-    if size > tail and os.pread(file, 1, size - tail) == bytes([Opcode.FOOTER]):
+    if size > tail and _is_closed(file, size) and os.pread(file, 1, size - tail) == bytes([Opcode.FOOTER]):
         try:
             return found + _indexed_chunks(file, size, tail, at), size - at
         except _ERRORS:
