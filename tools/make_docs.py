@@ -32,7 +32,6 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
-EXAMPLES = ("kalman", "patches")
 AXIS = re.compile(r"\b[xyz]\b")
 FLAG = re.compile(r"[!<].*|/.*")
 """Of an argument of the Nanonis protocol: what leaves a setting as it is."""
@@ -199,10 +198,7 @@ def between_marks(page: str, mark: str, text: str) -> str:
 
 def pages() -> dict[Path, str]:
     """Every page with what it takes from the code."""
-    extending = (DOCS / "extending.md").read_text()
-    for name in EXAMPLES:
-        source = (ROOT / "examples" / "parts" / f"{name}.py").read_text().rstrip()
-        extending = between_marks(extending, name, f"```python\n{source}\n```")
+    patches = f"```python\n{(ROOT / 'examples' / 'parts' / 'patches.py').read_text().rstrip()}\n```"
     controllers = (DOCS / "controllers.md").read_text()
     for name in CONTROLLERS:
         path = ROOT / "examples" / name
@@ -213,7 +209,7 @@ def pages() -> dict[Path, str]:
         DOCS / "faults.md": between_marks((DOCS / "faults.md").read_text(), "kinds", kinds()),
         DOCS / "safe_states.md": between_marks((DOCS / "safe_states.md").read_text(), "transitions", transitions()),
         DOCS / "parameters.md": parameters(),
-        DOCS / "extending.md": extending,
+        DOCS / "extending.md": between_marks((DOCS / "extending.md").read_text(), "patches", patches),
         DOCS / "architecture.md": between_marks((DOCS / "architecture.md").read_text(), "rooms", rooms()),
     }
 
