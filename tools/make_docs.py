@@ -18,7 +18,7 @@ from afm_model.fault import KINDS
 from afm_model.fault.entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
 from afm_model.run import TRANSITIONS, Cause, RunState
-from afm_nanonis.table import LOCK_INS, MEASURING, MOTION, SETTINGS
+from afm_nanonis.table import DONE, KEPT, LOCK_INS, MEASURING, MOTION, SETTINGS
 from afm_node_common.process import ControllerNodeParameters, SimNodeParameters
 from afm_recorder_node.parameters import RecorderParameters
 from afm_sim_node.declared import TUNABLE as SIM_TUNABLE
@@ -33,8 +33,6 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
 )
 CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
 AXIS = re.compile(r"\b[xyz]\b")
-FLAG = re.compile(r"[!<].*|/.*")
-"""Of an argument of the Nanonis protocol: what leaves a setting as it is."""
 
 
 def allowed(spec: Specification) -> str:
@@ -177,13 +175,18 @@ def transitions() -> str:
 
 
 def commands() -> str:
-    """Every command of the Nanonis protocol, Set and Get of a setting together."""
-    lines = ["| command | arguments | returns | | what |", "|---|---|---|---|---|"]
-    for text in (MEASURING, MOTION, SETTINGS, LOCK_INS):
-        for row in text.strip().splitlines():
-            name, given, back, how, what = (cell.strip() for cell in row.split("|"))
-            types = (" ".join(FLAG.sub("", word) for word in cell.split()) for cell in (given, back))
-            lines.append(f"| {name} | {' | '.join(types)} | {how.split()[0]} | {what} |".replace("|  |", "| |"))
+    """Every command of the Nanonis protocol, Set and Get of a setting together: what those do that do something."""
+    lines = ["| command | what |", "|---|---|"]
+    others: dict[str, dict[str, list[str]]] = {KEPT: {}, DONE: {}}
+    for row in "".join((MEASURING, MOTION, SETTINGS, LOCK_INS)).replace("\n\n", "\n").strip().splitlines():
+        name, _, _, how, what = (cell.strip() for cell in row.split("|"))
+        module, _, command = name.partition(".")
+        if (kind := how.split()[0]) in others:
+            others[kind].setdefault(module, []).append(command.removesuffix("Set/Get"))
+        else:
+            lines.append(f"| {name} | {what} |")
+    for kind, title in ((KEPT, "Stored and given back (Set and Get)"), (DONE, "Answered, without an effect")):
+        lines += ["", f"{title}:", "", *(f"- {module}: {', '.join(each)}" for module, each in others[kind].items())]
     return "\n".join(lines)
 
 

@@ -21,7 +21,7 @@ from .signals import Signals
 from .spectrum_state import SpectrumState
 from .stored import Numbers
 from .stream import Stream
-from .table import COMMANDS, DONE, KEPT, CommandRow, Field
+from .table import COMMANDS, DONE, STORED, CommandRow, Field
 
 _TRAVEL = 500e-6
 """Of a scanner without a limit, to each side [m]."""
@@ -125,7 +125,7 @@ class Front:
         ProtocolError
             If it is refused: the text of the error.
         """
-        if command.how == KEPT:
+        if command.how in STORED:
             return self.settings.serve(command, arguments)
         if command.how == DONE:
             return [field.empty for field in command.returns]

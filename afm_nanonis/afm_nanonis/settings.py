@@ -1,4 +1,4 @@
-"""Settings that are stored and given back: the rows of the table that are kept."""
+"""Settings that are stored and given back: the rows of the table that are used or kept."""
 
 import math
 import threading
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .table import KEPT, CommandRow, Field
+from .table import STORED, CommandRow, Field
 
 
 def _stays(field: Field, value: Any) -> bool:
@@ -49,7 +49,7 @@ class Settings:
 
     def serve(self, command: CommandRow, arguments: Sequence[Any]) -> list[Any]:
         """Do a Set or Get of the table; what the Get returns."""
-        assert command.how == KEPT
+        assert command.how in STORED
         count = sum(field.index for field in command.arguments)
         # A client that leaves out the index means the first one.
         indices = [*arguments[:count], *[1] * (count - len(arguments[:count]))]

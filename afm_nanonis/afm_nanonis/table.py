@@ -7,8 +7,9 @@ Types: H h I i f d numbers, S a text, SA texts, M a matrix of f, T a table of te
 `=f` as many as the count before said. After an argument stands what leaves a setting as it is: `/nan`, `/-1`, `/2`,
 `/""`; `!`: 0 leaves it, 1 is on, 2 is off, where the Get has 1 and 0; `<`: 0 leaves it, the Get has one less.
 
-How: `real` does or reports something of the microscope; `kept` is a setting that is stored and given back, with what it
-is before (else zeros); `done` is answered and has no effect here.
+How: `real` does or reports something of the microscope; `used` is a setting that is stored, given back and used by
+other commands, `kept` one that is only stored and given back, both with what it is before (else zeros); `done` is
+answered and has no effect here.
 """
 
 import re
@@ -16,9 +17,10 @@ import shlex
 from dataclasses import dataclass
 from typing import Any
 
-REAL, KEPT, DONE = "real", "kept", "done"
+REAL, USED, KEPT, DONE = "real", "used", "kept", "done"
+STORED = (USED, KEPT)
 SETTINGS = """
-Bias.Set/Get | f | f | kept | bias [V]
+Bias.Set/Get | f | f | used | bias [V]
 Bias.RangeGet | | SA H | real | ranges of the bias, index
 Bias.RangeSet | H | | done | index of the range
 Bias.CalibrSet/Get | f f | f f | kept 1 | calibration, offset
@@ -105,13 +107,13 @@ LockIn.DemodPhasRegSet/Get | @i i | i | kept | phase register
 LockIn.DemodPhasSet/Get | @i f | f | kept | phase [deg]
 LockIn.DemodSyncFilterSet/Get | @i I | I | kept | sync filter
 LockIn.DemodRTSignalsSet/Get | @i I | I | kept | signals
-Osci1T.ChSet/Get | i | i | kept | channel
+Osci1T.ChSet/Get | i | i | used | channel
 Osci1T.TimebaseSet | i/-1 | | real | index of the time base
 Osci1T.TimebaseGet | | i *f | real | index, time bases [s]
 Osci1T.TrigSet/Get | H H d d | H H d d | kept | trigger
 Osci1T.Run | | | done | start
 Osci1T.DataGet | H | d d *d | real | t0, dt [s], values
-Osci2T.ChsSet/Get | i i | i i | kept | channels
+Osci2T.ChsSet/Get | i i | i i | used | channels
 Osci2T.OversamplSet/Get | H | H | kept | oversampling
 Osci2T.TimebaseSet | H | | real | index of the time base
 Osci2T.TimebaseGet | | H *f | real | index, time bases [s]
@@ -145,7 +147,7 @@ PLL.DemodFilterSet/Get | @H H | H | kept | filter
 PLL.DemodPhasRefSet/Get | @H f | f | kept | phase [deg]
 PLLFreqSwp.Open | i | | done |
 PLLFreqSwp.Stop | i | | real | stop the sweep
-PLLFreqSwp.ParamsSet/Get | @i i/-1 f/nan f/nan | i f f | kept 101 0.01 0.1 | points, period [s], settling [s]
+PLLFreqSwp.ParamsSet/Get | @i i/-1 f/nan f/nan | i f f | used 101 0.01 0.1 | points, period [s], settling [s]
 PLLFreqSwp.Start | i I I | SA M d d f f i i | real | names, data, resonance [Hz], Q, phase [deg], ratio, points
 """
 MOTION = """
@@ -165,13 +167,13 @@ ZCtrl.OnOffSet/Get | I | I | real | feedback
 ZCtrl.StatusGet | | H | real | 1 off 2 on 3 hold 4 switching off 6 withdrawing
 ZCtrl.SetpntSet/Get | f | f | real | setpoint, in the unit of the controller
 ZCtrl.GainSet/Get | f f f | f f f | real | P, time constant [s], I
-ZCtrl.SwitchOffDelaySet/Get | f | f | kept | Z is averaged over this [s] when the controller is switched off
-ZCtrl.TipLiftSet/Get | f | f | kept | then Z goes up by this [m]
-ZCtrl.HomePropsSet/Get | H< f | H f | kept | 0 absolute 1 relative, Z [m]
+ZCtrl.SwitchOffDelaySet/Get | f | f | used | Z is averaged over this [s] when the controller is switched off
+ZCtrl.TipLiftSet/Get | f | f | used | then Z goes up by this [m]
+ZCtrl.HomePropsSet/Get | H< f | H f | used | 0 absolute 1 relative, Z [m]
 ZCtrl.Home | | | real | to the home position
 ZCtrl.CtrlListGet | | SA i | real | controllers, index
 ZCtrl.ActiveCtrlSet | i | | real | index of the controller
-ZCtrl.WithdrawRateSet/Get | f | f | kept 1e-5 | rate [m/s]
+ZCtrl.WithdrawRateSet/Get | f | f | used 1e-5 | rate [m/s]
 ZCtrl.Withdraw | I i | | real | wait, timeout [ms]
 ZCtrl.LimitsEnabledSet/Get | I | I | real | limits of Z
 ZCtrl.LimitsSet/Get | f f | f f | real | high, low [m]
@@ -189,8 +191,8 @@ Signals.ValsGet | *i I | *f | real | signals at one instant
 Signals.MeasNamesGet | | SA | real | names that can be recorded
 Signals.AddRTGet | | SA S S | real | further signals
 Signals.AddRTSet | i i | | done | further signals
-BeamDefl.VerConfigSet/Get | S/"" S/"" f f | S S f f | kept "Vert. Deflection" V 1 0 | name, units, units/V, offset
-BeamDefl.HorConfigSet/Get | S/"" S/"" f f | S S f f | kept "Horiz. Deflection" V 1 0 | name, units, units/V, offset
+BeamDefl.VerConfigSet/Get | S/"" S/"" f f | S S f f | used "Vert. Deflection" V 1 0 | name, units, units/V, offset
+BeamDefl.HorConfigSet/Get | S/"" S/"" f f | S S f f | used "Horiz. Deflection" V 1 0 | name, units, units/V, offset
 BeamDefl.IntConfigSet/Get | S/"" S/"" f f | S S f f | kept Intensity V 1 0 | name, units, units/V, offset
 BeamDefl.AutoOffset | H | | real | 0 horizontal 1 vertical 2 intensity: the present value becomes zero
 Scan.Action | H I | | real | 0 start 1 stop 2 pause 3 resume 6 frame to the tip; 1 = up
@@ -217,8 +219,8 @@ BiasSpectr.ChsGet | | *i SA | real | channels
 BiasSpectr.PropsSet | H! i H! i f/nan H! H! | | real | save all, sweeps, backward, points, z offset [m], autosave
 BiasSpectr.PropsGet | | H i H i SA SA SA H H | real | the same
 BiasSpectr.AdvPropsSet/Get | H! H! H! H! | H H H H | kept 1 1 | reset bias, z hold, final z, lock-in
-BiasSpectr.LimitsSet/Get | f f | f f | kept -1 1 | start, end [V]
-BiasSpectr.TimingSet/Get | f/nan f/nan f/nan f/nan f/nan f/nan f/nan f/nan | f f f f f f f f | kept 0 0 0 1 2e-3 | [s]
+BiasSpectr.LimitsSet/Get | f f | f f | used -1 1 | start, end [V]
+BiasSpectr.TimingSet/Get | f/nan f/nan f/nan f/nan f/nan f/nan f/nan f/nan | f f f f f f f f | used 0 0 0 1 2e-3 | [s]
 BiasSpectr.AltZCtrlSet/Get | H! f/nan f/nan | H f f | kept | alternate setpoint
 BiasSpectr.MLSModeSet/Get | S | S | kept Linear | mode
 BiasSpectr.MLSLockinPerSegSet/Get | I | I | kept | lock-in by segments
@@ -231,11 +233,11 @@ ZSpectr.ChsSet | *i | | real | channels
 ZSpectr.ChsGet | | *i SA | real | channels
 ZSpectr.PropsSet | H! i H/0 H! H! H! | | real | backward, points, sweeps, autosave, dialog, save all
 ZSpectr.PropsGet | | H i SA SA H H | real | backward, points, parameters, fixed parameters, sweeps, save all
-ZSpectr.RangeSet/Get | f f | f f | kept 1e-7 -2e-7 | Z offset before the sweep, distance [m]
-ZSpectr.TimingSet/Get | f/nan f/nan f/nan f/nan f/nan f/nan f/nan | f f f f f f f | kept 0 2e-3 1 0 2e-4 | timing [s]
+ZSpectr.RangeSet/Get | f f | f f | used 1e-7 -2e-7 | Z offset before the sweep, distance [m]
+ZSpectr.TimingSet/Get | f/nan f/nan f/nan f/nan f/nan f/nan f/nan | f f f f f f f | used 0 2e-3 1 0 2e-4 | timing [s]
 ZSpectr.AdvPropsSet/Get | f H! H! H! | f H H H | kept | time between sweeps [s], final z, lock-in, reset z
-ZSpectr.RetractDelaySet/Get | f | f | kept | rest at the end of the sweep [s]
-ZSpectr.RetractSet/Get | H! f i/-1 H/2 | H f i H | kept 0 0 1 0 | auto retract: on, threshold, signal, 0 > 1 <
+ZSpectr.RetractDelaySet/Get | f | f | used | rest at the end of the sweep [s]
+ZSpectr.RetractSet/Get | H! f i/-1 H/2 | H f i H | used 0 0 1 0 | auto retract: on, threshold, signal, 0 > 1 <
 ZSpectr.RetractSecondSet/Get | i< f i/-1 H/2 | i f i H | kept 0 0 1 0 | second condition: kept only
 ZSpectr.DigSyncSet/Get | H | H | kept | digital sync
 ZSpectr.TTLSyncSet/Get | H H f f | H H f f | kept | TTL sync
@@ -277,7 +279,7 @@ class CommandRow:
     how: str
     meaning: str
     setting: str = ""
-    """Of a command KEPT: name of what is stored."""
+    """Of a command STORED: name of what is stored."""
     before: tuple[Any, ...] = ()
     """And its values before they are set."""
 
