@@ -54,7 +54,7 @@ MICROSCOPE = "ros2 run afm_sim_node afm_sim_node --ros-args -p law.kind:=pid --p
 BEFORE = {
     "docs/first_run.md": [DEMO],
     "docs/figure.md": [DEMO],
-    "docs/faults.md": [DEMO, LOOP],
+    "docs/faults.md": [LOOP],
     "docs/recording.md": [
         *(DEMO, IMAGE),
         *(f"cp out/scan/recording.{each} out/run.{each}" for each in ("mcap", "rrd")),
@@ -91,12 +91,6 @@ def drawn(done: PageRun) -> None:
 
 CLAIMS = {"docs/rank.md": ranked, "docs/figure.md": drawn}
 """What a page says of its results."""
-RECORDING = """
-from afm_model import simulate
-from afm_model.run import Replay, recorded_parameters
-from afm_recorder_node.reader import read_recording
-recording = read_recording("out/demo")
-"""
 NEAR = """
 from afm_model.microscope import Microscope
 microscope = Microscope("two_materials")
@@ -109,7 +103,6 @@ lever = {"lever": "ppp_fmr", "Q": 80.0, "modes": 3, "dt": 5e-8, "gap": 10e-9, "c
 microscope = Microscope("two_materials", plant=lever, onboard=driven, detector={"sample_period": 5e-7})
 """
 GIVEN = {
-    "docs/faults.md": RECORDING,
     "docs/scan.md": NEAR,
     "docs/extending.md": NEAR,
     "docs/dynamic.md": DRIVEN,
