@@ -7,13 +7,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from afm_model.compiled.records import pointer_at, record_at
+from afm_model.compiled.records import record_at
 from afm_model.contact.friction import bound_of_load, project_disc
 from afm_model.contact.jkr import effective_radius_ratio
 from afm_model.parts import surface
 from afm_model.parts.header import BlockHeader
-from afm_model.parts.signals import Actuation
-from afm_model.plant import Constants, State, compliant, paper
+from afm_model.plant import Constants, State
 from afm_model.plant.lateral import kick_lateral
 
 from .problem import AMPLITUDE, OMEGA
@@ -38,12 +37,6 @@ def constants_of(m: _Array) -> Any:
 def state_of(m: _Array) -> Any:
     """Record of the plant's state in the block `m`."""
     return record_at(m, record_at(m, 0, BlockHeader).plant_state, State)
-
-
-@compiled
-def drive_of(m: _Array) -> Any:
-    """Record of what drives the plant in the block `m`."""
-    return record_at(m, record_at(m, 0, BlockHeader).effective, Actuation)
 
 
 @compiled
@@ -72,35 +65,6 @@ def project(m: _Array, every: int, out: _Array) -> None:
             s.V_X, s.V_Y = v_x, v_y
             s.X += half * v_x
             s.Y += half * v_y
-            k += 1
-
-
-@compiled
-def project_paper_plant(m: _Array, every: int, out: _Array) -> None:
-    """The same step inside the whole of the paper's plant."""
-    p, s, v = constants_of(m), state_of(m), drive_of(m)
-    not_drawn = pointer_at(np.zeros(1), 0)
-    k = 0
-    for i in range(len(out)):
-        out[i, 0], out[i, 1] = s.X, s.Y
-        for _ in range(every):
-            v.voltage[0] = v.voltage[1] = drive((k + 0.5) * p.h)
-            paper.step(0.0, v, not_drawn, p, s, m)
-            k += 1
-
-
-@compiled
-def project_compliant_plant(m: _Array, every: int, out: _Array) -> None:
-    """The step of the compliant plant with its eight states, for its cost; it solves another problem."""
-    p, s, v = constants_of(m), state_of(m), drive_of(m)
-    unused = pointer_at(m, 0)
-    v.voltage[2] = p.eta_z * p.eta_z * s.Z + s.N / p.mu
-    k = 0
-    for i in range(len(out)):
-        out[i, 0], out[i, 1] = s.X, s.Y
-        for _ in range(every):
-            v.voltage[0] = v.voltage[1] = drive((k + 0.5) * p.h)
-            compliant.step(0.0, v, unused, p, s, m)
             k += 1
 
 
