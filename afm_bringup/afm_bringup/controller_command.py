@@ -127,7 +127,7 @@ def _examine(scenario: Scenario, command: list[str], arguments: argparse.Namespa
     printed: Path | None = arguments.log
     with tempfile.TemporaryDirectory() as folder, Processes(last="") as processes:
         parameters = Path(folder) / "parameters.yaml"
-        write_parameters(scenario, parameters, {})
+        write_parameters(scenario, parameters, controller=command)
         if arguments.ros_arguments:
             command = with_ros_arguments(command, parameters, f"/{topics.NAMESPACE}")
         with TopicConnection(topics.NAMESPACE, scenario.sim, processes) as connection:

@@ -147,7 +147,7 @@ def _started(
         raise LawError(f"{_NODE} cannot be compared under a fault that loses measurements: compare it with session")
     with _interruptible(), _domain_of_its_own(), tempfile.TemporaryDirectory() as folder, Processes(last="") as nodes:
         parameters = Path(folder) / "parameters.yaml"
-        write_parameters(scenario, parameters)
+        write_parameters(scenario, parameters, controller=command)
         if ros_arguments:
             command = with_ros_arguments(command, parameters, f"/{NAMESPACE}")
         with TopicConnection(NAMESPACE, sim, nodes) as connection:

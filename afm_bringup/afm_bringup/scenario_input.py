@@ -7,8 +7,11 @@ from typing import Any
 
 from afm_model import Scenario, load_scenario
 from afm_model.core.registry import add_parts
+from afm_model.parameters import ControllerParameters
+from afm_model.parameters.scenario import overridden
 from afm_model.parameters.strict_yaml import yaml_text
 from afm_node_common.process import InProcess
+from afm_node_common.runner import chosen_kinds
 from afm_recorder_node.parameters import RecorderParameters
 
 _OURS = ("scenario", "/**", "/**/afm_sim_node", "/**/afm_controller_node", "/**/afm_recorder_node")
@@ -64,7 +67,12 @@ def with_ros_arguments(command: Sequence[str], parameters: Path, namespace: str)
     return [*command[:own], *given, *command[own:]]
 
 
-def write_parameters(scenario: Scenario, path: Path, more: Mapping[str, Mapping[str, object]] | None = None) -> None:
+def write_parameters(
+    scenario: Scenario,
+    path: Path,
+    more: Mapping[str, Mapping[str, object]] | None = None,
+    controller: Sequence[str] = (),
+) -> None:
     """Write the sections of a scenario for `--params-file`.
 
     Parameters
@@ -74,6 +82,8 @@ def write_parameters(scenario: Scenario, path: Path, more: Mapping[str, Mapping[
         File to write.
     more : mapping, optional
         Parameters that count in place of the scenario's: name of one of our nodes, its parameters.
+    controller : sequence of str, optional
+        Command of the controller. What the scenario gives to a law does not go to another one that this chooses.
 
     Raises
     ------
@@ -86,5 +96,8 @@ def write_parameters(scenario: Scenario, path: Path, more: Mapping[str, Mapping[
     for node, values in (more or {}).items():
         key = f"/**/{node}"
         sections[key] = sections.get(key, {}) | dict(values)
+    if kinds := chosen_kinds(controller):
+        key = "/**/afm_controller_node"
+        sections[key] = overridden(ControllerParameters, sections.get(key, {}), kinds)
     content = {key: {"ros__parameters": values} for key, values in sections.items()}
     path.write_text(yaml_text(content))

@@ -50,7 +50,8 @@ def commands(
     }
     if controller == INSIDE:
         own[SIMULATOR] |= {f"law.{name}": value for name, value in flatten(scenario.controller.law).items()}
-    write_parameters(scenario, parameters, own)
+    words = [] if controller in (OWN, COMPOSED, INSIDE, EXTERNAL) else shlex.split(controller)
+    write_parameters(scenario, parameters, own, controller=words)
     arguments = with_ros_arguments([], parameters, namespace)
     found = {RECORDER: [executable(RECORDER, RECORDER), *arguments]}
     if live:
@@ -60,7 +61,6 @@ def commands(
     found[SIMULATOR] = [executable(SIMULATOR, SIMULATOR), *arguments]
     if controller == OWN:
         found[CONTROLLER] = [executable(CONTROLLER, CONTROLLER), *arguments]
-    elif controller not in (INSIDE, EXTERNAL):
-        words = shlex.split(controller)
+    elif words:
         found["controller"] = with_ros_arguments(words, parameters, namespace) if ros_arguments else words
     return found

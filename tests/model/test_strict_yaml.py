@@ -143,6 +143,22 @@ def test_parameter_given_in_two_ways_is_refused(file: Path) -> None:
         load_scenario(path)
 
 
+@pytest.mark.parametrize("former", ["kind: tanh, ", ""])
+def test_override_that_chooses_another_law_drops_what_that_one_does_not_have(
+    file: Path, tmp_path: Path, former: str
+) -> None:
+    path = scenario(file, f"/**/afm_controller_node: {{ros__parameters: {{law: {{{former}alpha: 0.3, z: tracking}}}}}}")
+    over = scenario(tmp_path / "over.yaml", "/**/afm_controller_node: {ros__parameters: {law.kind: pid}}")
+    law = load_scenario(path, overrides=over).controller.law
+    assert (law.kind, law.z) == ("pid", "tracking")
+    scenario(over, "/**/afm_controller_node: {ros__parameters: {law.kind: pid, law.alpha: 0.2}}")
+    with pytest.raises(ScenarioError, match=r"over\.yaml: unknown parameter law\.alpha"):
+        load_scenario(path, overrides=over)
+    scenario(over, "/**/afm_controller_node: {ros__parameters: {law.kind: pdi}}")
+    with pytest.raises(ScenarioError, match=r"law\.kind = pdi is not allowed"):
+        load_scenario(path, overrides=over)
+
+
 def test_overrides_count_in_place_of_what_the_scenario_gives(file: Path, tmp_path: Path) -> None:
     path = scenario(file, "/**/afm_sim_node: {ros__parameters: {run: {duration: 1.0}, plant.kind: compliant}}")
     over = scenario(tmp_path / "over.yaml", "/**/afm_sim_node: {ros__parameters: {run.duration: 2}}")

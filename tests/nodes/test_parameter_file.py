@@ -90,9 +90,10 @@ def test_nodes_started_by_hand_read_the_one_section_as_a_session_does(tmp_path: 
 
 def test_law_that_a_command_chooses_itself_is_the_one_that_runs(tmp_path: Path) -> None:
     scenario, written = tmp_path / "scenario.yaml", tmp_path / "written.yaml"
-    scenario.write_text("/**/afm_controller_node:\n  ros__parameters: {law: {kind: pid}}\n")
-    write_parameters(read_scenario(str(scenario)), written)
-    command = with_ros_arguments(["node", "--ros-args", "-p", "law.kind:=observer"], written, "/afm")
+    scenario.write_text("/**/afm_controller_node:\n  ros__parameters: {law: {kind: tanh, alpha: 0.3}}\n")
+    command = ["node", "--ros-args", "-p", "law.kind:=observer"]
+    write_parameters(read_scenario(str(scenario)), written, controller=command)
+    command = with_ros_arguments(command, written, "/afm")
     assert command[0] == "node"
     with Graph(command[1:]) as graph:
         law = declare(graph.add(Node("afm_controller_node")), ControllerNodeParameters).law

@@ -107,6 +107,22 @@ def test_service_call_refuses_a_request_that_does_not_fit(kind: str, request_tex
     assert end.stderr.startswith(f"error: {sentence}")
 
 
+def test_parameter_is_set_and_read(tmp_path: Path) -> None:
+    def run(*arguments: str) -> tuple[int, str]:
+        with Command(ROOT / "tools" / "bin" / "ros2", "param", *arguments, folder=tmp_path) as command:
+            return command.wait(graph), command.text.strip()
+
+    with Graph() as graph:
+        node = graph.add(Node("stand_in_parameters"))
+        node.declare_parameter("gain", 1.0)
+        assert run("set", "/stand_in_parameters", "gain", "2.5") == (0, "Set parameter successful")
+        assert node.get_parameter("gain").value == 2.5
+        assert run("get", "/stand_in_parameters", "gain") == (0, "value is: 2.5")
+        code, said = run("set", "/stand_in_parameters", "gain", "high")
+        assert code == 1 and said.startswith("error: gain was not set: Wrong parameter type")
+        assert run("get", "/stand_in_parameters", "gian") == (1, "error: /stand_in_parameters has no parameter gian")
+
+
 @pytest.mark.parametrize(
     ("page", "command", "kind", "given"),
     [

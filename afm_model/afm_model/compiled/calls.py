@@ -3,7 +3,10 @@ compiled with (`afm_model.parts.dispatch`).
 """
 
 import ctypes
+import inspect
+import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numba
@@ -86,6 +89,8 @@ class Function:
             made = jit.callback(types.void(*kinds), function.py_func)
         # Besides its own errors numba lets some of Python's through, such as a KeyError for a field that is not there.
         except Exception as error:
+            if isinstance(error, KeyError):
+                raise TypeError(_unknown_field(function.py_func, error.args[0])) from error
             lines = [line.strip() for line in str(error).splitlines() if line.strip()]
             reason = lines[1] if isinstance(error, numba.core.errors.NumbaError) and len(lines) > 1 else " ".join(lines)
             raise TypeError(f"it cannot be compiled: {type(error).__name__}: {reason}") from error
@@ -121,6 +126,16 @@ class Function:
         if known is None or known.dtype != kind.dtype:
             known = self._records[value] = record_at(numbers_at(value, size(kind)), 0, kind)
         return known
+
+
+def _unknown_field(function: Callable[..., Any], name: str) -> str:
+    """Say that no record has a field of this name, and where the function uses it, as far as its source is there."""
+    with suppress(OSError):
+        lines, first = inspect.getsourcelines(function)
+        for number, line in enumerate(lines, first):
+            if re.search(rf"\.{name}\b", line):
+                return f"there is no field {name}: {line.strip()} (line {number} of {inspect.getsourcefile(function)})"
+    return f"there is no field {name}"
 
 
 def by_address(

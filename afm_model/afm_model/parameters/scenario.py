@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from ..core import registry
 from ..core.errors import ParameterError, Sentence
-from ..core.schema import chosen_group
+from ..core.schema import chosen_group, specified, with_parts
 from ..law.sampled import TIMING, SampledLaw, require_plant, timing_disagreements
 from . import ControllerParameters, Group, SetupSection, SimParameters, Value, build, changed, resolved
 from .microscope_parameters import PREFIX
@@ -111,7 +111,8 @@ def _load(
     for file in (path, overrides):
         if file is not None:
             for key, values in _read_sections(file, known).items():
-                sections[key] = sections.get(key, {}) | values
+                model = known.get(key.rsplit("/", 1)[-1], Group)
+                sections[key] = overridden(model, sections.get(key, {}), values)
     made: dict[str, Any] = {}
     common = sections.get(ALL, {})
     if common:
@@ -159,6 +160,34 @@ def _load(
 def _told(path: Path, overrides: Path | None) -> str:
     """The files, for a sentence."""
     return str(path) if overrides is None else f"{path} with {overrides}"
+
+
+def overridden(model: type[Group], given: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of a node with others in their place.
+
+    Where these choose another part by its `kind`, what was given to the former one stays as far as the new one has it.
+
+    Parameters
+    ----------
+    model : type[Group]
+        Of the node.
+    given, values : mapping
+        By dotted names; `values` count.
+    """
+    kept = dict(given)
+    for name in values:
+        group, _, leaf = name.rpartition(".")
+        if leaf != "kind" or group not in model.model_fields:
+            continue
+        default: Any = model.model_fields[group].annotation
+        if values[name] == given.get(name, default.model_fields["kind"].default):
+            continue
+        try:
+            there = specified(with_parts(model, {**given, **values}))
+        except ParameterError:  # a part that another program knows, or a mistake that `build` names
+            there = {}
+        kept = {each: value for each, value in kept.items() if not each.startswith(f"{group}.") or each in there}
+    return kept | dict(values)
 
 
 def law_timing(values: Mapping[str, Value], sim: SimParameters) -> dict[str, Value]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..compiled.calls import INTEGER, NUMBER, POINTER, Argument
 from ..compiled.records import Record
+from ..core.errors import PartError
 from ..core.random_numbers import RandomStream
 from ..core.schema import Group
 from .signals import (
@@ -141,6 +142,16 @@ class Part:
     draws: int = 0
     draw: Callable[[Any, RandomStream, int], NDArray[np.float64] | None] | None = None
     lanes: bool = False
+
+    def __post_init__(self) -> None:
+        for field, base in (("parameters", Group), ("constants", Record), ("state", Record)):
+            given = getattr(self, field)
+            if not (isinstance(given, type) and issubclass(given, base)):
+                shown = given.__qualname__ if isinstance(given, type) else repr(given)
+                raise PartError(
+                    f"{f'{self.family} {self.name}'.strip()}: {field} = {shown} is not allowed: it must be a class "
+                    f"with the base {base.__name__}"
+                )
 
     def arguments(self, function: str) -> tuple[Argument, ...]:
         """What a kernel of this part is called with."""

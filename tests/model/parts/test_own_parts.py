@@ -1,5 +1,7 @@
 """Claims about parts of somebody else's: from a package outside this tree, by name, with parameters and state."""
 
+import dataclasses
+import importlib
 import json
 import os
 import subprocess
@@ -344,9 +346,13 @@ def test_a_broken_part_is_reported_by_its_name(own):
     with pytest.raises(PartError, match=r"^law own_parts.broken:RAISES: control: LookupError: .*no such gain"):
         run({}, law("RAISES"))
     with pytest.raises(
-        PartError, match=r"^law own_parts.broken:MISSPELT: control: it cannot be compiled: .*nothing_of"
+        PartError,
+        match=r"^law own_parts.broken:MISSPELT: control: there is no field nothing_of_that_name: "
+        r"u.voltage\[0\] = y.nothing_of_that_name \(line 12 of .*broken.py\)$",
     ):
         run({}, law("MISSPELT"))
+    with pytest.raises(PartError, match=r"^law: state = NoRecord is not allowed: it must be a class with the"):
+        dataclasses.replace(importlib.import_module("own_parts.kalman").KALMAN, state=type("NoRecord", (), {}))
     with pytest.raises(PartError, match=r"^law own_parts.broken:WRONG_CONSTANTS: the values of its constants"):
         run({}, law("WRONG_CONSTANTS"))
     # A constant of the name of a parameter has its value in the same unit only.
