@@ -55,7 +55,7 @@ def scan(
     )
 
 
-def laboratory(titles: Iterable[str] = (), amplitudes: Iterable[float] = (5e-9, 1e-6, 20e-6)) -> str:
+def laboratory(titles: Iterable[str] = (), amplitudes: Iterable[float] = (5e-9, 20e-6)) -> str:
     """Measure the largest errors of `pid`, `observer` and `load` where friction does not move the scanner."""
     rates = RATES
     rows = []

@@ -31,7 +31,7 @@ NODES: tuple[tuple[str, type[Group], tuple[str, ...]], ...] = (
     ("afm_recorder_node", RecorderParameters, ()),
     ("All nodes: section `/**` of a scenario, what microscope it is (microscope.md)", SetupSection, ()),
 )
-CONTROLLERS = ("controllers/pd_law.py", "controllers/pd_class.py")
+LAW = "controllers/pd_law.py"
 AXIS = re.compile(r"\b[xyz]\b")
 
 
@@ -202,10 +202,8 @@ def between_marks(page: str, mark: str, text: str) -> str:
 def pages() -> dict[Path, str]:
     """Every page with what it takes from the code."""
     patches = f"```python\n{(ROOT / 'examples' / 'parts' / 'patches.py').read_text().rstrip()}\n```"
-    controllers = (DOCS / "controllers.md").read_text()
-    for name in CONTROLLERS:
-        path = ROOT / "examples" / name
-        controllers = between_marks(controllers, path.stem, f"```python\n{path.read_text().rstrip()}\n```")
+    law = (ROOT / "examples" / LAW).read_text().rstrip()
+    controllers = between_marks((DOCS / "controllers.md").read_text(), "pd_law", f"```python\n{law}\n```")
     return {
         DOCS / "controllers.md": between_marks(controllers, "rules", rules()),
         DOCS / "nanonis.md": between_marks((DOCS / "nanonis.md").read_text(), "commands", commands()),
