@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from torture.outcome import Outcome
 
-HEADER = ("fault", "tries", "failed", "lost [s]", "outcome", "reported after at most", "left")
+HEADER = ("fault", "tries", "failed", "lost [s]", "outcome", "reported after at most", "left at most")
 
 
 def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
@@ -15,7 +15,6 @@ def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     for outcome in outcomes:
         for name, seconds in outcome.told.items():
             told[name] = max(seconds, told.get(name, 0.0))
-    left = Counter(len(outcome.left) for outcome in outcomes if outcome.left)
     return (
         fault,
         str(len(outcomes)),
@@ -23,7 +22,7 @@ def row(fault: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
         f"{max(outcome.lost for outcome in outcomes):.2f}",
         "; ".join(f"{text} ({count})" if len(what) > 1 else text for text, count in what.most_common()),
         "; ".join(f"{name}: {seconds:.1f} s" for name, seconds in sorted(told.items())) or "-",
-        "; ".join(f"{number} in {count} tries" for number, count in sorted(left.items())) or "nothing",
+        str(max(len(outcome.left) for outcome in outcomes) or "nothing"),
     )
 
 
