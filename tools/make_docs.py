@@ -15,7 +15,7 @@ from afm_model.core import registry
 from afm_model.core.ranges import LARGEST_INTEGER, RANGES, WIDEST
 from afm_model.core.schema import Specification
 from afm_model.fault import KINDS
-from afm_model.fault.entry import DRIVES, SENSORS
+from afm_model.fault.schedule_entry import DRIVES, SENSORS
 from afm_model.parameters import Group, SetupSection, specifications
 from afm_model.run import TRANSITIONS, Cause, RunState
 from afm_nanonis.table import DONE, KEPT, LOCK_INS, MEASURING, MOTION, SETTINGS

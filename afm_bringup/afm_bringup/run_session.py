@@ -8,10 +8,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from afm_model.core.errors import reason
 
 from .follow import Follower, check_score
-from .results import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .results_folder import CARD, PICTURE, RECORDING
 from .session import Session
 from .session_nodes import COMPOSED, EXTERNAL, OWN
+from .session_scorecard import kinds, law_of, print_scorecard, scorecard, write_scorecard
 from .session_start import SessionError
 
 _OVERVIEW_TICKS = 250_000

@@ -210,7 +210,7 @@ class ScanSession(Session):
 
     def _show(self, image: Image, paths: Sequence[Path]) -> None:
         from afm_model.core.prefix import prefixed
-        from afm_model.files.table import figures
+        from afm_model.files.layer_statistics import figures
 
         table = Table(title=escape(self.scenario.header.title or self.scenario.name), title_justify="left")
         for heading, justify in (("", "left"), ("mean", "right"), ("least", "right"), ("largest", "right")):

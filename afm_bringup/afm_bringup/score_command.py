@@ -13,8 +13,8 @@ from afm_node_common.runner import Stop, StopSignal
 
 from .follow import STALL_TIMEOUT, Follower, RunFailure, check_score
 from .monitor import Monitor
-from .results import print_scorecard, scorecard, write_scorecard
 from .scenario_input import add_overrides, read_scenario
+from .session_scorecard import print_scorecard, scorecard, write_scorecard
 
 
 def _arguments() -> argparse.Namespace:

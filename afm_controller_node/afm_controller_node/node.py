@@ -12,14 +12,14 @@ from afm_model.core.errors import MalformedError
 from afm_model.law import SampledLaw
 from afm_model.parts import signals
 from afm_node_common import runner, topics
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.decoding import NANOSECONDS
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import drive_codec
 from afm_node_common.estimates import Estimates
 from afm_node_common.parameter_log import ParameterLog
 from afm_node_common.parameters import Declared
-from afm_node_common.periodic import PeriodicTask, PeriodicTasks
+from afm_node_common.periodic_tasks import PeriodicTask, PeriodicTasks
 from afm_node_common.presence import Presence
 from afm_node_common.process import ControllerNodeParameters
 from afm_node_common.subscriptions import DroppedMessages

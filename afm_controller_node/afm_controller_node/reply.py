@@ -12,7 +12,7 @@ from afm_model.compiled.jit import kernel
 from afm_model.compiled.records import Block, Integers, record_at, size
 from afm_model.parts.dispatch import control
 from afm_model.parts.signals import Drive, Measurement, PiezoDrive
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.decoding import NANOSECONDS
 from afm_node_common.drive_codec import drive_codec
 from afm_node_common.topics import FRAME

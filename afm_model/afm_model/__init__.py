@@ -18,7 +18,7 @@ from .parameters import (
 )
 from .parameters.scenario import Scenario, ScenarioError, load_scenario
 from .parameters.scenario_files import scenario_names
-from .parts.command import Command
+from .parts.drives_ahead import Command
 from .run.simulation import Simulation, simulate
 from .studies import Comparison, compare
 from .studies.many import simulate_many

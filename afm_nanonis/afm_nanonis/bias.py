@@ -9,7 +9,7 @@ from afm_model.core.errors import VerbError
 
 from .front import Front
 from .handlers import handles
-from .signals import BIAS
+from .signal_index import BIAS
 from .spectra import Array, header_of, run_spectrum, take, with_channels
 from .spectrum_state import SpectrumState
 

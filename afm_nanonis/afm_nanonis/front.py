@@ -17,7 +17,7 @@ from .handlers import HANDLERS
 from .jobs import Jobs
 from .scan_state import ScanState
 from .settings import Settings
-from .signals import Signals
+from .signal_index import Signals
 from .spectrum_state import SpectrumState
 from .stored import Numbers
 from .stream import Stream

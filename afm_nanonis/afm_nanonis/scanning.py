@@ -19,7 +19,7 @@ from .handlers import handles
 from .jobs import SCAN, Work
 from .motion import of_sum
 from .scan_state import PIXELS, FreeScan
-from .signals import COUNT
+from .signal_index import COUNT
 
 _TURN = 1.2
 """Periods of the scanner's resonance that a turn takes at least."""

@@ -6,7 +6,7 @@ from typing import Any
 from .codec import ProtocolError
 from .front import Front
 from .handlers import handles
-from .signals import CONFIGS, COUNT, CURRENT, HORIZONTAL, SLOTS, VERTICAL, Z
+from .signal_index import CONFIGS, COUNT, CURRENT, HORIZONTAL, SLOTS, VERTICAL, Z
 from .table import COMMANDS
 
 _OFFSETS = {0: HORIZONTAL, 1: VERTICAL}

@@ -17,7 +17,7 @@ from .codec import ProtocolError
 from .front import Front
 from .handlers import handles
 from .jobs import SPECTRUM, Work
-from .signals import COUNT, VERTICAL
+from .signal_index import COUNT, VERTICAL
 from .spectrum_state import SpectrumState
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from typing import Any
 from .codec import ProtocolError
 from .front import Front
 from .handlers import handles
-from .signals import COUNT
+from .signal_index import COUNT
 from .stream import IDLE, RUNNING
 
 

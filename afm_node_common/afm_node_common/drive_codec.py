@@ -16,7 +16,7 @@ from rclpy.serialization import serialize_message
 from afm_model import Command, DriveError
 from afm_model.parts.signals import LONGEST_HORIZON
 
-from .codec import LITTLE_ENDIAN_CDR, Codec, fill, is_text
+from .cdr import LITTLE_ENDIAN_CDR, Codec, fill, is_text
 from .decoding import NANOSECONDS
 
 Drive = NDArray[np.float64] | Command | DriveError

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from afm_model.parts import LawEstimate
 
 from . import topics
-from .codec import BlockEncoder
+from .cdr import BlockEncoder
 from .decoding import NANOSECONDS
 
 _RASTER = 5e-3

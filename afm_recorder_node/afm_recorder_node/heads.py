@@ -4,7 +4,7 @@ import math
 import struct
 from typing import NamedTuple
 
-from afm_node_common.codec import LITTLE_ENDIAN_CDR
+from afm_node_common.cdr import LITTLE_ENDIAN_CDR
 from afm_node_common.decoding import NANOSECONDS, InvalidMessage
 
 from . import checks

@@ -22,11 +22,11 @@ from pathlib import Path
 import rerun as rr
 
 from . import layout, screens
+from .canvas import let_go, send_blueprint
 from .growing import grows
 from .names import RECORD
 from .record import RunRecord
 from .recording import RecordingError
-from .streams import let_go, send_blueprint
 from .view_writer import ViewWriter
 from .views import end_with_parent, light
 

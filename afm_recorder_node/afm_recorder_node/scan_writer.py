@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from afm_model.microscope.image import DIRECTIONS, RETRACE, TRACE, Image
 
+from .canvas import Canvas
 from .layout import RESULT, plotted
 from .pictures import picture_of
-from .results import document, of_image
+from .result_views import document, of_image
 from .scan_lines import ScanLine
 from .scene import Surface
-from .streams import Canvas
 
 STAGES = 16
 """Times that an image is drawn while it grows."""

@@ -16,8 +16,8 @@ from afm_model.core.prefix import text
 from afm_model.microscope.raster import Raster
 
 from . import layout
+from .canvas import Canvas
 from .diagram import round_step
-from .streams import Canvas
 
 POSES = 600
 """At most, over the whole run."""

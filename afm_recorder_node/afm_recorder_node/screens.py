@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import rerun as rr
 import rerun.blueprint as rrb
 
-from . import layout, pictures, results, scene
+from . import layout, pictures, result_views, scene
+from .canvas import Range
 from .layout import (
     DEFLECTION,
     DRIVE,
@@ -18,7 +19,6 @@ from .layout import (
     REFERENCE,
     PlotSignal,
 )
-from .streams import Range
 
 Ranges = Mapping[tuple[str, int], Range]
 """Least and largest number of a signal, by entity and axis (0 for one number), as they are drawn."""
@@ -34,7 +34,7 @@ def kind(entities: Iterable[str]) -> str:
     there = list(entities)
     if pictures.pictures(there):
         return "scan"
-    if results.FORCE_CURVE in results.titles(there):
+    if result_views.FORCE_CURVE in result_views.titles(there):
         return "force curve"
     return "calibration" if layout.RESULT in there else "control"
 
@@ -60,9 +60,9 @@ def blueprint(entities: Iterable[str], ranges: Ranges | None = None) -> rrb.Blue
     shown: list[rrb.Container] = []
     if found == "scan":
         shown.append(_scan(plots, pictures.pictures(there)))
-    diagrams = results.titles(there)
+    diagrams = result_views.titles(there)
     if diagrams or found == "calibration":
-        shown.append(_result(plots, diagrams, "Force curve" if results.FORCE_CURVE in diagrams else "Result"))
+        shown.append(_result(plots, diagrams, "Force curve" if result_views.FORCE_CURVE in diagrams else "Result"))
     return tabbed(shown, signals)
 
 

@@ -16,13 +16,13 @@ from pathlib import Path
 
 import rerun.blueprint as rrb
 
-from . import layout, pictures, results
+from . import layout, pictures, result_views
+from .canvas import Range, send_blueprint
 from .layout import DEFLECTION, DRIVE, ERROR, LATERAL_FORCE, NORMAL_FORCE, POSITION, ROUND_TRIP
 from .live import LiveServer
 from .places import open_recording, recordings
 from .recording import RecordingError
 from .screens import Plots, Ranges, plane, tabbed
-from .streams import Range, send_blueprint
 from .view_writer import ViewWriter
 from .views import light, make_view, written
 
@@ -85,7 +85,7 @@ def arrangement(entities: Mapping[str, Iterable[str]], ranges: Ranges | None = N
     """
     colored = ", ".join(f"{name} {color}" for name, (color, _) in zip(entities, COLORS, strict=False))
     pictured = {name: found for name, each in entities.items() if (found := pictures.pictures(each))}
-    drawn = {name: titled for name, each in entities.items() if (titled := results.titles(each))}
+    drawn = {name: titled for name, each in entities.items() if (titled := result_views.titles(each))}
     plots = Plots(ranges or {}, [f"/{name}" for name in entities])
     texts = [
         rrb.Tabs(

@@ -11,20 +11,20 @@ from afm_model.parameters.strict_yaml import yaml_text
 from afm_node_common.decoding import InvalidMessage
 
 from . import layout
-from .friction_loop import LoopPoints
+from .canvas import Canvas, Range
 from .gathering import Result
 from .layout import PlotSignal
+from .loop_drawing import LoopPoints
 from .messages import Level
 from .parameter_values import change_text
 from .places import MessageSource
 from .record import RecordEntry
 from .recording import ParameterChange
-from .results import drawings
+from .result_views import drawings
 from .scan_lines import ScanLine
 from .scan_writer import ScanWriter
 from .scene import Scene
 from .score_text import markdown
-from .streams import Canvas, Range
 from .visitor import Array, Times, Visitor
 
 

@@ -17,9 +17,9 @@ import rerun as rr
 from afm_model.core.errors import reason
 
 from . import layout, screens
+from .canvas import let_go, send_blueprint
 from .places import open_recording
 from .recording import RecordingError
-from .streams import let_go, send_blueprint
 from .view_writer import ViewWriter
 
 _AT_ONCE = 1 << 20

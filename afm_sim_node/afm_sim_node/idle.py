@@ -8,8 +8,8 @@ from afm_node_common.process import SimNodeParameters
 
 from .declared import wall_period
 from .inside_link import InsideLink
-from .link import TopicLink
 from .streams import Streams
+from .topic_link import TopicLink
 
 _ROOM = 0.1
 """Part of a period that must be left before a deadline for a message of the streams to be published.

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from afm_node_common import topics
 from afm_node_common.process import SimNodeParameters
 
-from .link import NodeLink
 from .peers import Peers
+from .topic_link import NodeLink
 
 
 class InsideLink(NodeLink):

@@ -15,14 +15,14 @@ from afm_model.microscope.verbs import Scan
 from afm_model.run import Run
 from afm_node_common import topics
 from afm_node_common.parameters import Declared
-from afm_node_common.periodic import PeriodicTask
+from afm_node_common.periodic_tasks import PeriodicTask
 from afm_node_common.process import SimNodeParameters
 from afm_node_common.stamps import stamp
 
-from .events import Events
-from .results import Results
+from .event_topic import Events
+from .result_topic import Results
 from .scan_lines import ScanLines
-from .settings import SettingsServer, setpoint
+from .setting_services import SettingsServer, setpoint
 from .verb_server import VerbServer
 
 _LOOK_PERIOD = 0.2

@@ -16,27 +16,27 @@ from afm_model.parameters.simulator_parameters import is_inside
 from afm_model.run import OVER, Listeners, Run, RunState
 from afm_node_common import runner, topics
 from afm_node_common.estimates import Estimates
-from afm_node_common.memory import give_back
+from afm_node_common.heap import give_back
 from afm_node_common.parameter_log import ParameterLog
-from afm_node_common.periodic import PeriodicTask, PeriodicTasks
-from afm_node_common.preview import PreviewServer
+from afm_node_common.periodic_tasks import PeriodicTask, PeriodicTasks
+from afm_node_common.preview_service import PreviewServer
 from afm_node_common.process import SimNodeParameters
 
 from .clock import Clock
-from .control import Control
 from .declared import block_ticks, declare, takes_verbs
-from .events import Events
-from .faults import FaultServer
+from .event_topic import Events
+from .fault_services import FaultServer
 from .idle import Idle
 from .inside_link import InsideLink
-from .link import TopicLink
-from .log import log_timing
+from .log_messages import log_timing
 from .peers import Peers
 from .recorder_watch import RecorderWatch
 from .reporter import Reporter
+from .run_services import Control
 from .standard import INSTALLED, Standard
 from .streams import Streams
 from .telemetry import Telemetry
+from .topic_link import TopicLink
 
 if TYPE_CHECKING:
     from afm_model.microscope.image import Line

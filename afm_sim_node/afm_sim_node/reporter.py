@@ -13,13 +13,13 @@ from afm_node_common.process import SimNodeParameters
 
 from .diagnostics import diagnostic_status
 from .inside_link import InsideLink
-from .link import TopicLink
-from .log import log_refusal, log_state, log_warnings
+from .log_messages import log_refusal, log_state, log_warnings
 from .peers import Peers
-from .score import score_message
+from .score_message import score_message
 from .standing import StandingSubscribers
 from .status import status_message
 from .streams import Streams
+from .topic_link import TopicLink
 
 
 class Reporter:

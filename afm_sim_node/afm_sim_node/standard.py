@@ -12,7 +12,7 @@ from rclpy.task import Future
 from afm_model.run import OVER, Run, RunState
 from afm_node_common.answers import AnsweringServer
 
-from .control import Control
+from .run_services import Control
 
 INSTALLED = find_spec("simulation_interfaces") is not None
 """Whether the package with the types is installed."""

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from afm_model import Block
 from afm_model.parts import Channel
 from afm_node_common import topics
-from afm_node_common.codec import BlockEncoder
+from afm_node_common.cdr import BlockEncoder
 from afm_node_common.process import SimNodeParameters
 
 _BOOKKEEPING = ("verb_number", "verb_step", "verb_done")

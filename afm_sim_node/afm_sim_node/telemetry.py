@@ -10,7 +10,7 @@ from afm_model.compiled.records import Record, record_at, size
 from afm_model.parts.signals import Measurement
 from afm_model.run import Run
 from afm_node_common import topics
-from afm_node_common.codec import telemetry_codec
+from afm_node_common.cdr import telemetry_codec
 from afm_node_common.direct import Outbox
 
 

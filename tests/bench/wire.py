@@ -20,7 +20,7 @@ from rclpy.node import Node
 from afm_model.compiled.records import size
 from afm_model.parts import signals
 from afm_node_common import topics
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.drive_codec import drive_codec
 
 _NAMESPACE = "bench"

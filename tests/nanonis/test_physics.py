@@ -11,7 +11,7 @@ import pytest
 
 from afm_model.microscope import Microscope
 from afm_model.program.force_curve import APPROACH, RETRACT
-from afm_nanonis.signals import HORIZONTAL, VERTICAL, Z
+from afm_nanonis.signal_index import HORIZONTAL, VERTICAL, Z
 
 from .conftest import Served
 from .programs import programs, run

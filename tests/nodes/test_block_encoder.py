@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
 
 from afm_node_common import topics
-from afm_node_common.codec import BlockEncoder
+from afm_node_common.cdr import BlockEncoder
 
 encoder = functools.cache(BlockEncoder)
 numbers = st.floats(width=64)

@@ -42,7 +42,7 @@ def test_codecs_read_a_horizon_that_rclpy_writes(horizon, frame) -> None:
 
 def test_horizon_is_read_and_written_in_place(monkeypatch) -> None:
     data = serialize_message(message([(4.0, 5.0, 6.0)]))
-    monkeypatch.setattr("afm_node_common.codec.deserialize_message", None)
+    monkeypatch.setattr("afm_node_common.cdr.deserialize_message", None)
     monkeypatch.setattr("afm_node_common.drive_codec.serialize_message", None)
     drive = FAST.decode(data)[3]
     assert deserialize_message(FAST.encode(5, 7, 3 * 10**9 + 21, drive), PiezoDrive) == message([(4.0, 5.0, 6.0)])

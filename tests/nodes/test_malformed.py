@@ -18,7 +18,7 @@ from afm_controller_node.node import ControllerNode
 from afm_model import Command, Controller, ControllerParameters, DriveError, Instrument, SimParameters, build
 from afm_model.core.errors import MalformedError
 from afm_node_common import topics
-from afm_node_common.codec import Codec, measurement_codec
+from afm_node_common.cdr import Codec, measurement_codec
 from afm_node_common.drive_codec import drive_codec
 from afm_sim_node.node import SimNode
 

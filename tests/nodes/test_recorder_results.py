@@ -15,10 +15,10 @@ from afm_model.microscope.verbs.force_curve import Curve as ForceCurve
 from afm_model.program.force_curve import APPROACH, RETRACT
 from afm_node_common.decoding import InvalidMessage
 from afm_node_common.verb_codec import named_arrays
-from afm_recorder_node import checks, layout, results, screens
+from afm_recorder_node import checks, layout, result_views, screens
 from afm_recorder_node.diagram import BLUE, HEIGHT, WIDTH, Axis, Diagram, DiagramLine, round_step
 from afm_recorder_node.gathering import Gathering, Result
-from afm_recorder_node.results import markdown
+from afm_recorder_node.result_views import markdown
 
 K, SENSITIVITY = 2.0, 1e-7
 CONTACT, TURN, PULL = 60e-9, 100e-9, 5e-9
@@ -83,7 +83,7 @@ def test_force_curve_as_a_table_has_the_forces_that_it_was_made_with() -> None:
 
 def test_force_curve_is_drawn_over_z_from_its_turn() -> None:
     (result,) = gathered(told(curve().arrays()))
-    diagram = results.diagrams(result)[results.FORCE_CURVE]
+    diagram = result_views.diagrams(result)[result_views.FORCE_CURVE]
     there, back = diagram.curves
     assert (there.name, back.name, diagram.x.unit, diagram.y.unit) == ("approach", "retract", "m", "N")
     assert (there.x.min(), there.x.max(), back.x.max()) == pytest.approx((-TURN, 0.0, 0.0))
@@ -101,7 +101,7 @@ def test_numbers_of_a_calibration_have_their_units_and_uncertainties() -> None:
     words = markdown(result)
     # What the verb was asked with is no result.
     assert "| f0 | 75 kHz | 2 Hz |" in words and "| Q | 75 | 0.5 |" in words and "points" not in words
-    assert list(results.diagrams(result)) == [f"{layout.RESULT}/amplitude", f"{layout.RESULT}/phase"]
+    assert list(result_views.diagrams(result)) == [f"{layout.RESULT}/amplitude", f"{layout.RESULT}/phase"]
 
 
 def test_diagram_has_round_numbers_at_its_axes_and_every_point_at_its_place() -> None:
@@ -153,7 +153,7 @@ def test_axis_that_can_be_read_is_left_to_the_viewer() -> None:
     assert screens.readable(np.nan, 1.0) is None
 
 
-FORCES = [layout.RESULT, *(f"{results.FORCE_CURVE}/{name}" for name in ("grid", "curves", "words"))]
+FORCES = [layout.RESULT, *(f"{result_views.FORCE_CURVE}/{name}" for name in ("grid", "curves", "words"))]
 
 
 @pytest.mark.parametrize(
@@ -174,14 +174,14 @@ def test_each_kind_of_run_has_its_screen(entities: list[str], kind: str, tabs: l
     if tabs:
         first = {view.origin for view in panels(root.contents[0])}
         assert {layout.RESULT, layout.EVENTS, layout.SCENE} <= first
-        assert (results.FORCE_CURVE in first) == (kind == "force curve")
+        assert (result_views.FORCE_CURVE in first) == (kind == "force curve")
 
 
 def test_view_of_a_result_shows_it(tmp_path: Path) -> None:
     messages = [*told(curve().arrays()), *told(tuned(), "Tune", 2)]
     path = view(tmp_path / "run.rrd", [*Run(100).messages(), *(("results", each) for each in messages)])
     assert len(column(path, layout.RESULT, "TextDocument:text")) == 2
-    assert sum(chunk.num_rows for chunk in chunks(path, f"{results.FORCE_CURVE}/curves")) == 1
+    assert sum(chunk.num_rows for chunk in chunks(path, f"{result_views.FORCE_CURVE}/curves")) == 1
     odd = Arrays({name: Variable(("a",), np.zeros(k), {}) for k, name in enumerate(("z", "force", "phase"), 3)})
     path = view(tmp_path / "odd.rrd", (("results", each) for each in told(odd)))
     ((_, sentence),) = events(path)

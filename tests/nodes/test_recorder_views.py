@@ -12,8 +12,8 @@ from geometry_msgs.msg import Vector3
 from recorded import Run
 from viewed import column, panels, view
 
-from afm_recorder_node import layout, screens, streams
-from afm_recorder_node.friction_loop import HEIGHT, POINTS, ROWS, WIDTH, LoopPoints
+from afm_recorder_node import canvas, layout, screens
+from afm_recorder_node.loop_drawing import HEIGHT, POINTS, ROWS, WIDTH, LoopPoints
 
 PERIOD = 1e-3
 
@@ -83,7 +83,7 @@ def test_arranging_the_viewer_again_leaves_no_thread_behind() -> None:
     stream.set_sinks(sent)
     threads = len(os.listdir("/proc/self/task"))
     for _ in range(3):
-        streams.send_blueprint(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/a")))
+        canvas.send_blueprint(stream, rrb.Blueprint(rrb.TimeSeriesView(origin="/a")))
         assert sent.read()
     assert len(os.listdir("/proc/self/task")) <= threads
     stream.disconnect()

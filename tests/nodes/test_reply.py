@@ -9,7 +9,7 @@ from afm_controller_node.reply import Reply
 from afm_model import Controller, ControllerParameters, build
 from afm_model.compiled.records import size
 from afm_model.parts.signals import Measurement
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.drive_codec import drive_codec
 
 MEASUREMENTS, DRIVES = measurement_codec(), drive_codec()

@@ -14,7 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from realtime_bench import PERIOD, bench, gentle
 
-from afm_bringup.results import summary_of
+from afm_bringup.session_scorecard import summary_of
 from afm_model.run import RunState
 from afm_node_common import topics
 from afm_sim_node.declared import block_ticks

@@ -9,11 +9,11 @@ import pytest
 from hand_controller import run_in_process
 from support import Graph, Observer, write_scenario
 
-from afm_bringup.results import summary_of
+from afm_bringup.session_scorecard import summary_of
 from afm_controller_node.node import ControllerNode
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_model.instrument.score import COUNTS, row
-from afm_node_common.codec import BlockEncoder, Codec
+from afm_node_common.cdr import BlockEncoder, Codec
 from afm_sim_node.node import SimNode
 
 PERIOD = 2e-6

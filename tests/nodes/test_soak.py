@@ -14,7 +14,7 @@ from soak.sampling import Sample, sample
 from soak.verbs import soak_verbs
 from support import assert_nothing_left
 
-from afm_node_common.memory import give_back
+from afm_node_common.heap import give_back
 from afm_recorder_node.reader import read_recording
 
 SAMPLE = Sample(at=0.0, memory=1e8, shared=1e6, descriptors=20, threads=10, segments=5, processor=0.0)

@@ -35,7 +35,7 @@ from afm_node_common import topics
 from afm_node_common.verb_codec import outcome_of
 from afm_recorder_node import checks
 from afm_recorder_node.gathering import Gathering
-from afm_recorder_node.results import markdown
+from afm_recorder_node.result_views import markdown
 
 PARAMETERS = {name: value for name, value in INSTRUMENT.items() if not name.startswith("sample.")} | LAW
 PARAMETERS |= {f"sample.{name}": value for name, value in WEDGE.items()}

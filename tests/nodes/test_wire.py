@@ -14,7 +14,7 @@ from afm_controller_node.node import ControllerNode
 from afm_model import Command, SimParameters, build
 from afm_model.instrument.wire import Wire
 from afm_model.run import Link, Run
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.drive_codec import drive_codec
 from afm_sim_node.node import SimNode
 

@@ -23,7 +23,7 @@ from support import Command, Graph, Observer, executable, ros_arguments
 
 from afm_model import Controller, ControllerParameters, Instrument, SimParameters, build
 from afm_node_common import topics
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.drive_codec import drive_codec
 from afm_recorder_node.reader import read_recording
 from torture.family import Try

@@ -18,10 +18,10 @@ from afm_model.core.errors import MalformedError
 from afm_model.core.run_id import next_run_id
 from afm_node_common import topics
 from afm_node_common.answers import hold_answers
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import Drive, drive_codec
-from afm_node_common.preview import PreviewServer
+from afm_node_common.preview_service import PreviewServer
 from afm_node_common.shared_memory import shared_memory_cleanup
 
 from ..processes import Processes

@@ -2,11 +2,11 @@
 
 from ..core.registry import register
 from ..parts.groups import FaultParameters
-from .entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 from .events import acted, active, events
 from .memory import SENSED, Constants, Memory, OnTheirWay
 from .none import NONE
 from .schedule import SCHEDULED, Schedule, faults_of, table
+from .schedule_entry import KINDS, LATENCY_TICKS, NEVER, TARGETS, Entry
 
 register(NONE, SCHEDULED)
 

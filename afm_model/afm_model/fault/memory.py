@@ -8,7 +8,7 @@ from typing import Annotated
 
 from ..compiled.records import Array, Integers, Record, Vector, place, size
 from ..parts.signals import Measurement, PiezoDrive
-from .entry import LATENCY_TICKS
+from .schedule_entry import LATENCY_TICKS
 
 MOST = 16
 """Faults at a time at most: those that are over, and those that have not begun, take no place."""

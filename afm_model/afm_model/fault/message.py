@@ -9,9 +9,9 @@ from ..compiled.jit import kernel
 from ..compiled.records import numbers_at, numbers_of, record_at, size
 from ..core.random_numbers import bits, uniform
 from ..parts.signals import Delivery, Measurement, PiezoDrive, copy_command
-from ..parts.timing import ticks_of
-from .entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
+from ..parts.ticks import ticks_of
 from .memory import SENSED, SLOTS, Constants, Memory, OnTheirWay
+from .schedule_entry import KINDS, LATENCY_TICKS, MESSAGES, TARGETS
 
 _KINDS = list(KINDS)
 _LATENCY, _JITTER, _LOSS = (_KINDS.index(name) + 1 for name in ("latency", "jitter", "loss"))

@@ -16,9 +16,9 @@ from ..core.schema import Group
 from ..parts.groups import FaultParameters
 from ..parts.part import Fault
 from ..parts.signals import Delivery, Measurement
-from .entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
 from .memory import MOST, Constants, Memory
 from .message import delay_command, delay_measurement
+from .schedule_entry import DRIVES, KINDS, MESSAGES, NEVER, SENSORS, TARGETS, Entry, problem
 from .signal import spoil_drive, spoil_measurement
 from .surface import disturb_sample
 

@@ -6,8 +6,8 @@ from ..compiled.jit import kernel
 from ..compiled.records import Block
 from ..core.random_numbers import bits, normal
 from ..parts.signals import Drive, Measurement
-from .entry import DRIVES, KINDS, SENSORS, TARGETS
 from .memory import Constants, Memory
+from .schedule_entry import DRIVES, KINDS, SENSORS, TARGETS
 
 _KINDS = list(KINDS)
 _NOISE, _DROPOUT, _STUCK, _OFFSET, _DRIFT, _SATURATION = (

@@ -2,8 +2,8 @@
 
 from ..compiled.jit import kernel
 from ..parts.signals import Displacement
-from .entry import AXES, KINDS, TARGETS
 from .memory import Constants, Memory
+from .schedule_entry import AXES, KINDS, TARGETS
 
 _FRICTION, _THERMAL = (list(KINDS).index(name) + 1 for name in ("friction", "thermal"))
 _X, _Y, _Z = (TARGETS.index(axis) for axis in AXES)

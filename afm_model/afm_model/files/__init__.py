@@ -6,6 +6,7 @@ What a format needs (gwyfile, h5py, matplotlib) is imported when a file is writt
 from .curve_files import write_curve_tab, write_curves
 from .curve_picture import curve_picture, write_curve_picture
 from .gwyddion import FrameWarning, write_gsf, write_gwy
+from .layer_statistics import Figures, figures, text_table, write_table
 from .layers import Layer, layer, layers
 from .level import background as level_background
 from .level import lines as level_lines
@@ -14,7 +15,6 @@ from .picture import picture, sheet, write_picture, write_sheet
 from .scan_hdf5 import ScanFile, read_scan, write_scan
 from .spectrum_dat import read_curve, write_dat
 from .sxm import read_sxm, write_sxm
-from .table import Figures, figures, text_table, write_table
 
 __all__ = [
     "Figures",

@@ -9,8 +9,8 @@ from ..compiled.jit import kernel
 from ..compiled.records import Block, Record, record_at, size
 from ..parameters import ControllerParameters
 from ..parts.assembly import Assembled, assembled
-from ..parts.command import Command, CommandRecord
 from ..parts.dispatch import control
+from ..parts.drives_ahead import Command, CommandRecord
 from ..parts.header import LawHeader
 from ..parts.part import LawEstimate
 from ..parts.signals import Measurement, PiezoDrive

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..compiled.records import address_at, record_at, size
 from ..core.errors import DivergenceError, DriveError, ParameterError
 from ..parameters import InstrumentParameters
-from ..parts.command import Command, CommandRecord, problem, three_voltages
+from ..parts.drives_ahead import Command, CommandRecord, problem, three_voltages
 from ..parts.header import BlockHeader
 from ..parts.part import Channel
 from ..parts.signals import PiezoDrive
@@ -18,10 +18,10 @@ from .block import Layouts, LoopState, fill_loop, layout_of, line_slots
 from .controller import Controller, external_law
 from .draws import Draws
 from .faults import Faults
-from .guard import Guard
-from .orders import Orders
+from .limit_guard import Guard
 from .readings import CLIPPED, STEEP, Readings
 from .rows import Block, Cut, Rows
+from .runtime_changes import Orders
 from .score import ScoreSummary, summarize
 from .tick import DIVERGED, DRAW_TICKS, MOVED, RANGE, REFUSED, STOPPED, UNREAD, advance, start
 from .wire import Wire

@@ -8,7 +8,7 @@ from .arrays import Arrays, Variable, to_xarray, variable
 from .backend import Backend
 from .execution import Execution, Task
 from .image import Image, Line
-from .live import Live
+from .live_local import Live
 from .local import Local
 from .microscope import Microscope
 from .operator import Operator

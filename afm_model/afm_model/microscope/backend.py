@@ -6,7 +6,7 @@ from typing import Any, Self
 
 from ..core.errors import ParameterError
 from ..core.schema import Value
-from ..parts.loop import NO_DEFLECTION
+from ..parts.onboard import NO_DEFLECTION
 from .collect import Reading
 from .image import Line
 from .results import MicroscopeState, Outcome, Progress
@@ -22,7 +22,7 @@ class LoopSettings(ABC):
 
     @abstractmethod
     def set_loop(self, **settings: Any) -> None:
-        """Change settings of the loop, names of `afm_model.parts.loop.ONBOARD_SETTINGS`, or calibrations, as `use`."""
+        """Change loop settings, names of `afm_model.parts.onboard.ONBOARD_SETTINGS`, or calibrations, as `use`."""
 
     def use(self, /, *results: Any, **numbers: float) -> None:
         """Compute forces with what was calibrated, from now on: setpoints, triggers, curves, images and their notes.

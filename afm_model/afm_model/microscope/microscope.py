@@ -27,7 +27,7 @@ from ..parameters.scenario import Scenario, changed_instrument, following, load_
 from .arrays import to_xarray
 from .backend import Backend, LoopSettings, OnLine, OnProgress
 from .collect import Reading
-from .live import Live
+from .live_local import Live
 from .local import Local
 from .results import COMPLETE, MicroscopeState, Outcome
 from .signatures import takes_fields_of, word_of

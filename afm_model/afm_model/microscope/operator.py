@@ -23,7 +23,7 @@ from .backend import LoopSettings
 from .collect import Collector, Reading, names_of_signals, newest
 from .execution import Execution, Task, withdrawing
 from .image import Line
-from .load import Load
+from .normal_force import Load
 from .results import CANCELLED, COMPLETE, FAILED, MicroscopeState, Outcome, Progress, Standing
 from .verb import Verb, objection, saturating
 from .verbs import Withdraw

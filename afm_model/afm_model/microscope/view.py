@@ -9,9 +9,9 @@ from ..core.errors import ParameterError
 from ..instrument import Instrument
 from ..onboard.by_amplitude import lag, taps
 from ..parameters import changed
-from ..parts.loop import Onboard
+from ..parts.onboard import Onboard
 from ..parts.signals import FOLLOW
-from ..parts.timing import ticks_of
+from ..parts.ticks import ticks_of
 from ..program.orders import Polynomial, quintic
 
 Z_CHANNEL, ERROR_CHANNEL = "z_loop", "z_loop_error"

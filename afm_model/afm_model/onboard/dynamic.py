@@ -20,7 +20,7 @@ from ..compiled.records import Array
 from ..core import registry
 from ..core.elementary import expm1, sincos, square
 from ..core.schema import NonNegative, Positive, Unit
-from ..parts.loop import ONBOARD_SETTINGS, TAPPING_SETTINGS, Onboard
+from ..parts.onboard import ONBOARD_SETTINGS, TAPPING_SETTINGS, Onboard
 from ..parts.part import Channel, Numbers, Tree
 from ..parts.signals import Actuation, Detection, Setpoint
 from . import by_amplitude

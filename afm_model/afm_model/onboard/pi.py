@@ -18,7 +18,7 @@ from ..compiled.jit import kernel
 from ..compiled.records import Record
 from ..core.schema import NonNegative, Unit, refuse_together
 from ..parts.groups import OnboardParameters
-from ..parts.loop import NO_DEFLECTION, ONBOARD_SETTINGS, Onboard
+from ..parts.onboard import NO_DEFLECTION, ONBOARD_SETTINGS, Onboard
 from ..parts.part import Numbers, Tree
 from ..parts.signals import FOLLOW, GIVEN, HOLD, Detection, Drive, Setpoint
 

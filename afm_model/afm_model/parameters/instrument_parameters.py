@@ -11,7 +11,7 @@ from ..detector import Photodiode
 from ..fault import Schedule
 from ..law import PaperLaw
 from ..onboard import OnboardParameters
-from ..parts.timing import ticks_of
+from ..parts.ticks import ticks_of
 from ..piezo import PiezoParameters
 from ..plant import PlantGroup
 from ..plant.physics import Cantilever, Contact, PlantPhysics, Scales, Scanner

@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from ..core.schema import Group, NonNegative, Positive, Unit, Value, build, chosen_group, flatten
 from ..law import ExternalLaw
 from ..law.sampled import TIMING, SampledLaw
-from ..parts.timing import ticks_of
+from ..parts.ticks import ticks_of
 from ..plant.lever.parameters import LeverGroup
 from .instrument_parameters import ControllerParameters, InstrumentParameters
 from .microscope_parameters import known_of

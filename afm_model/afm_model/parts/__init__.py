@@ -33,7 +33,7 @@ from .groups import (
     ProgramParameters,
     SampleParameters,
 )
-from .loop import Onboard
+from .onboard import Onboard
 from .part import (
     Channel,
     Corrugation,

@@ -12,7 +12,7 @@ from ..compiled.jit import kernel
 from ..compiled.records import Block, place, record_at
 from ..compiled.ways import by_lane
 from .header import BlockHeader, LawHeader
-from .loop import Onboard
+from .onboard import Onboard
 from .part import CONSTANTS, MAP, STATE, WHOLE, Detector, Fault, Law, Part, Piezo, Plant, Program, Sample
 from .signals import Displacement, Surface
 

@@ -3,7 +3,7 @@
 from ..core.registry import register
 from ..parts.groups import PiezoParameters
 from .ceramic import CERAMIC
-from .linear import LINEAR
+from .ideal import LINEAR
 
 register(LINEAR, CERAMIC)
 

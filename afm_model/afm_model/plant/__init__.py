@@ -4,9 +4,9 @@ from ..core.registry import register
 from .averaged import AVERAGED
 from .compliant import COMPLIANT
 from .constants import Constants, plant_constants
-from .groups import PlantGroup
 from .lever import LEVER
 from .paper import PAPER, Z_COMPUTED, Z_HELD, Z_UNIFORM
+from .parameters import PlantGroup
 from .state import State
 from .steps import stable_step
 

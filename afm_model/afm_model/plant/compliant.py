@@ -20,9 +20,9 @@ from ..parts.dispatch import surface
 from ..parts.part import SPRING, Plant, Tree
 from ..parts.signals import Actuation
 from .constants import Constants, observe, plant_constants
-from .groups import PlantGroup
 from .initial import rest, start_free
 from .lateral import kick_lateral, store_friction
+from .parameters import PlantGroup
 from .state import State
 from .steps import require_contact_at_rest, require_resolved_step
 

@@ -22,9 +22,9 @@ from ..parts.dispatch import surface
 from ..parts.part import RIGID, Numbers, Plant, Tree
 from ..parts.signals import Actuation, Surface
 from .constants import Constants, observe, plant_constants
-from .groups import PlantGroup
 from .initial import rest
 from .lateral import kick_lateral, store_friction
+from .parameters import PlantGroup
 from .state import State
 from .statics import place_sample, static_indentation, static_load
 from .steps import require_contact_at_rest, require_resolved_step

@@ -20,7 +20,7 @@ from ..parts.groups import ProgramParameters
 from ..parts.part import Channel, Numbers, Program, Tree
 from ..parts.signals import FOLLOW as FOLLOWED
 from ..parts.signals import OPEN, Detection, Setpoint
-from ..parts.timing import ticks_of
+from ..parts.ticks import ticks_of
 from .orders import (
     AMPLITUDE,
     DEGREES,

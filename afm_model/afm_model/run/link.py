@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.errors import DriveError
 from ..instrument import Block
 from ..instrument.wire import Wire
-from ..parts.command import Command
+from ..parts.drives_ahead import Command
 
 _Array = NDArray[np.float64]
 Answer = _Array | Command | DriveError

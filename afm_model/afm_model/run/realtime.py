@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ..core.errors import DivergenceError, DriveError, PartError
 from ..parameters import SimParameters
-from ..parts.command import Command, problem
-from ..parts.timing import ticks_of
+from ..parts.drives_ahead import Command, problem
+from ..parts.ticks import ticks_of
 from .context import RunContext
 from .pacing import Peered
 from .state import Cause, RunState

@@ -11,7 +11,7 @@ from ..core.errors import ParameterError
 from ..core.schema import Value, flatten
 from ..fault import Schedule, faults_of
 from ..parameters import Safety, SimParameters, build
-from ..parts.command import Command
+from ..parts.drives_ahead import Command
 from ..parts.signals import LONGEST_HORIZON
 
 _Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from ..instrument import Block, ScoreSummary
 from ..instrument.controller import Controller
 from ..law import ExternalLaw, timing_disagreements, warn_of_timing
 from ..parameters import SimParameters
-from ..parts.command import Command
+from ..parts.drives_ahead import Command
 from .counts import Snapshot
 from .link import Link, Listeners
 from .run import Run

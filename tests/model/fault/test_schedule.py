@@ -16,7 +16,7 @@ from afm_model import (
     simulate,
 )
 from afm_model.fault import acted, active, events, faults_of
-from afm_model.fault.entry import KINDS, SENSORS, Entry, problem
+from afm_model.fault.schedule_entry import KINDS, SENSORS, Entry, problem
 from afm_model.parameters.simulator_parameters import SimParameters as Parameters
 from afm_model.parts.signals import Measurement
 

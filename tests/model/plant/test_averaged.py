@@ -15,7 +15,7 @@ from afm_model.compiled.jit import plain
 from afm_model.microscope import Microscope
 from afm_model.parameters import InstrumentParameters
 from afm_model.parts.signals import Measurement
-from afm_model.plant.averaged.table import curvatures, force_table, look_up
+from afm_model.plant.averaged.force_table import curvatures, force_table, look_up
 
 from ..clamped_mode import clamped_mode
 from ..held import held

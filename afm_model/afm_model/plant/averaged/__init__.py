@@ -5,10 +5,10 @@ from typing import Any
 from ...parts.dispatch import surface
 from ...parts.part import OTHER, Channel, Plant, Tree
 from ..lever.check import require_blunt_sample
+from .force_table import force_table
 from .parameters import AveragedGroup, check, warnings
 from .state import Constants, Ledger, State, averaged_constants
 from .step import observe, step
-from .table import force_table
 
 
 def rest(parameters: Tree, p: Any, s: Any, m: Any) -> tuple[float, float, float]:

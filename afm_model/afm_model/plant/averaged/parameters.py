@@ -10,7 +10,7 @@ from ...parts.part import Tree
 from ..lever.check import RESOLVED_SCANNER, implausible, refuse_of_other_plants, require_step
 from ..lever.loss import check_losses, loss_warnings
 from ..lever.parameters import LeverGroup
-from .table import MATERIALS, materials
+from .force_table import MATERIALS, materials
 
 LEAST_Q = 100.0
 """Quality factor from which on amplitude and phase change little in a cycle."""

@@ -10,7 +10,7 @@ from ...compiled.records import Array, Record, Vector
 from ...core.elementary import sincos
 from ...parts.part import Numbers, Tree
 from ..lever.constants import lever_constants
-from .table import curvatures, materials
+from .force_table import curvatures, materials
 
 _OfModes = Annotated[Array, (beam.MODES,)]
 

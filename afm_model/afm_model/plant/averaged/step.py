@@ -14,8 +14,8 @@ from ...core.elementary import exp, sincos
 from ...parts.dispatch import surface
 from ...parts.header import BlockHeader
 from ...parts.signals import BASE, TIP, Actuation, Surface, Truth
+from .force_table import LEAST, ROW, look_up
 from .state import Constants, Ledger, State
-from .table import LEAST, ROW, look_up
 
 SINUSOIDAL = 0.02
 """Largest first harmonic of the force over spring constant and amplitude at which the average is held to hold."""

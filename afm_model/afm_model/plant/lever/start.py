@@ -15,8 +15,8 @@ from ...parts.part import Tree
 from .apex import require_resolved_apex
 from .check import require_blunt_sample
 from .contact import normal, place_frame
-from .lattice import downhill
 from .state import ledger_of
+from .tip_on_lattice import downhill
 
 _PASSES = 60
 """Of the fixed-point iteration for the place under the tip: the sample moves under it as the tip is pushed aside."""

@@ -18,9 +18,9 @@ from ...core.elementary import sincos, square
 from ...core.random_numbers import normal
 from ...parts.signals import BASE, LATERAL, TIP, Actuation, Truth
 from .constants import PARTS, Constants
-from .friction import on_surface
-from .lattice import on_lattice
 from .state import State, ledger_of, table_of
+from .tip_on_lattice import on_lattice
+from .tip_on_surface import on_surface
 
 
 @kernel

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..compiled.records import place, record_at
 from ..parameters import InstrumentParameters, SimParameters
-from ..parts.timing import ticks_of
+from ..parts.ticks import ticks_of
 from .block import Layout, LoopState
 from .limits import (
     ANSWERED,

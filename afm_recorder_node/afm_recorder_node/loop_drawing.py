@@ -9,7 +9,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from . import layout
-from .streams import Canvas
+from .canvas import Canvas
 
 WIDTH, HEIGHT = 4.0, 3.0
 ROWS = 200_000

@@ -13,7 +13,7 @@ from afm_node_common import topics
 from afm_node_common.parameters import Declared
 from afm_node_common.process import SimNodeParameters
 
-from .events import Events
+from .event_topic import Events
 
 
 class FaultServer:

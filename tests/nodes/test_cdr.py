@@ -16,7 +16,7 @@ from afm_model.compiled import records
 from afm_model.core.errors import MalformedError
 from afm_model.parts import signals
 from afm_node_common import topics
-from afm_node_common.codec import Codec, body, fill, measurement_codec
+from afm_node_common.cdr import Codec, body, fill, measurement_codec
 from afm_node_common.drive_codec import drive_codec
 
 HEADER = struct.calcsize("<4siII")
@@ -140,7 +140,7 @@ def test_messages_are_read_in_place_whatever_the_frame(monkeypatch, kind, size, 
     fill(message, 5, 7, 11, np.arange(1.0, size + 1.0))
     message.header.frame_id = frame
     data = serialize_message(message)
-    monkeypatch.setattr("afm_node_common.codec.deserialize_message", None)
+    monkeypatch.setattr("afm_node_common.cdr.deserialize_message", None)
     assert same(reader.decode(data)[3], np.arange(1.0, size + 1.0))
 
 

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from afm_model.instrument.wire import Wire
 from afm_model.run import Link
 from afm_node_common import topics
-from afm_node_common.codec import measurement_codec
+from afm_node_common.cdr import measurement_codec
 from afm_node_common.direct import Inbox, Outbox
 from afm_node_common.drive_codec import Drive, drive_codec
 from afm_node_common.process import SimNodeParameters

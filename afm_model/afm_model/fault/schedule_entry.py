@@ -7,7 +7,7 @@ from annotated_types import Ge, Le
 from pydantic import Field
 
 from ..core.schema import Group, Unit
-from ..parts.timing import ticks_of
+from ..parts.ticks import ticks_of
 
 SENSORS = {
     "deflection": "m",

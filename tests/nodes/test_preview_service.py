@@ -8,7 +8,7 @@ from support import Graph, ros_arguments
 
 from afm_model import SimParameters, build, preview_reference
 from afm_node_common import topics
-from afm_node_common.preview import MOST
+from afm_node_common.preview_service import MOST
 from afm_sim_node.node import SimNode
 
 PARAMETERS: dict[str, object] = {"plant.control_period": 5e-5, "reference.shape_x": "triangle"}
