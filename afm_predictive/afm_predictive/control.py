@@ -20,8 +20,7 @@ from .sample_estimate import (
     take_ratio,
 )
 from .state import State
-from .unexplained import expect, explain, explain_measured, learn_stiffness_of_z
-from .zeros import find_zeros_at_start
+from .unexplained import expect, explain, explain_measured, find_zeros_at_start, learn_stiffness_of_z
 
 
 @routine

@@ -26,7 +26,17 @@ from .constants import (
     WAY_Y,
     Constants,
 )
-from .kalman import DOUBTS, NIS, SURE, along_variance, carry_covariance, correct, take, weigh
+from .kalman import (
+    DOUBTS,
+    NIS,
+    SURE,
+    along_variance,
+    carry_covariance,
+    correct,
+    take,
+    take_height_seen,
+    weigh,
+)
 from .nominal_plant import (
     NEAR_BY,
     balance,
@@ -38,7 +48,6 @@ from .nominal_plant import (
     nominal_bound,
     take_load,
 )
-from .place_by_height import take_height_seen
 from .sample_estimate import REST, bumps, strength
 from .state import State
 

@@ -77,7 +77,7 @@ class State(Record):
     H: Annotated[Array, (FOLLOWED,)]
     ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
     slips: float  # measurements of it
-    # zeros.py:
+    # unexplained.py, at the start:
     zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
     unstretched: Vector
     zero_of_height: float  # what the z sensor is off, if not the piezo is

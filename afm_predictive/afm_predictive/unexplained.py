@@ -7,6 +7,9 @@ scanner: it is friction, a slow force b (drift, creep, hysteresis), and what a s
 
 where f is friction as measured by the lateral signal. Friction turns with the motion, b and c q do
 not: that separates them.
+
+At the start a tip that rests is held by spring, friction and load alone: what the drive leaves over then is what the
+piezo differs by from the position sensors, or these from it.
 """
 
 import math
@@ -14,8 +17,16 @@ from typing import Any
 
 from afm_model.parts import Measurement, hypot, kernel, square
 
-from .constants import AT_X, FLOOR, UNEXPLAINED, Constants
-from .nominal_plant import balance, drive_in_force, left_over, stretched
+from .constants import AT_X, FIRST_Z, FLOOR, KNOWN, UNEXPLAINED, Constants
+from .nominal_plant import (
+    balance,
+    drive_in_force,
+    held_along_z,
+    left_at_rest,
+    left_over,
+    look_at_known,
+    stretched,
+)
 from .sample_estimate import REST, SLIDES, TELLS, variance, write_row
 from .state import State
 
@@ -50,6 +61,14 @@ _SURE = 3.0
 """Standard deviations."""
 _TELLS = 0.3
 """Smallest cosine between the motion and x at which the force along x shows friction along y, in packets."""
+_SLOW_AT_START = 0.003
+"""Deviation of a slow force at the start, over the bound of friction."""
+_ANOTHER_ZERO = 5.0
+"""And by which a drive has to be, to have another zero."""
+_ALIKE = 0.1
+"""Part of friction by which signal and drive may disagree about it at the start."""
+_RESTS_AT_START = 0.1
+"""Way of a tip in a control period up to which it rests at the start [x0]."""
 
 
 @kernel
@@ -285,3 +304,39 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
         s.gain_of[1] = s.learned[1, 0] = s.gain_of[0]
     s.seen[0, 0], s.seen[0, 1], s.seen[1, 0], s.seen[1, 1] = s.X, s.V_X, s.Y, s.V_Y
     s.signal = signal
+
+
+@kernel
+def find_zeros_at_start(y: Measurement, p: Constants, s: State) -> None:
+    """Take what is left over at the start for the zero of the drive, if the tip rests.
+
+    Either the tip has been set down, and friction holds nothing; or signal and drive show the same friction of x, which
+    lies along the reference. Along z the load is measured.
+    """
+    moves = hypot(y.velocity[0], y.velocity[1]) / (p.x0 * p.w0) * p.hold
+    if s.fallbacks > 0.0 or (p.measured == 0 and moves > _RESTS_AT_START):
+        return
+    least, least_z = _SLOW_AT_START * p.f_0, FIRST_Z[1]
+    if p.measured != 0:
+        least += _ANOTHER_ZERO * hypot(p.stiffness[0] * p.position_noise, p.force_noise)
+        least_z += _ANOTHER_ZERO * p.stiffness[2] * p.z_noise
+    signal = y.lateral_force / p.lateral_force
+    off_x = left_at_rest(0, drive_in_force(0, y, p, s), y.position[0] / p.x0, p, s)
+    off_y = left_at_rest(1, drive_in_force(1, y, p, s), y.position[1] / p.x0, p, s)
+    if abs(signal - off_x) < least + _ALIKE * abs(off_x):
+        off_y -= off_x * s.v[1] / s.v[0] if s.v[0] != 0.0 else 0.0
+        off_x = 0.0
+    z, tip = y.position[2] / p.z0, p.a + y.deflection / p.z0
+    off_z = left_at_rest(2, drive_in_force(2, y, p, s), z, p, s) - held_along_z(tip - z, p)
+    s.zero_of_drive[0] = off_x if abs(off_x) > least else 0.0
+    s.zero_of_drive[1] = off_y if abs(off_y) > least else 0.0
+    s.zero_of_drive[2] = off_z if abs(off_z) > least_z else 0.0
+    for axis in range(3):
+        # Along z the cantilever is a part of the spring, and a sensor that is off tells a wrong load as well.
+        spring = p.stiffness[axis] - (p.of_both * p.eta_c2 if axis == 2 else 0.0)
+        s.unstretched[axis] = -s.zero_of_drive[axis] / spring
+    if p.surface == KNOWN:
+        # Where the sample lies tells which of the two is off.
+        look_at_known(y.position[0] / p.x0, y.position[1] / p.x0, p, s)
+        off = tip - z + p.delta + p.delta_curvature * s.curvature - s.height
+        s.zero_of_height = -s.unstretched[2] if abs(off + s.unstretched[2]) < abs(off) else 0.0

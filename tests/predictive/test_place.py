@@ -6,8 +6,8 @@ import pytest
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, run_case
 from afm_predictive.constants import AT_X, AT_Y, VALUE
+from afm_predictive.kalman import take_height_seen
 from afm_predictive.nominal_plant import look
-from afm_predictive.place_by_height import take_height_seen
 
 from .test_observer import covariance, records
 

@@ -8,7 +8,7 @@ from afm_model import simulate
 from afm_model.parts.signals import Measurement
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, Case, parameters_of, run_case
-from afm_predictive.zeros import find_zeros_at_start
+from afm_predictive.unexplained import find_zeros_at_start
 
 from .law_records import records
 
