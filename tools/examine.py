@@ -373,19 +373,19 @@ def examine(name: str, draws: int, colours_of_noise: Sequence[str] = tuple(NOISE
 
 
 def table(names: list[str], draws: int) -> list[str]:
-    """The table of the page."""
-    rows = [
-        f"| quantity | draws | bias [u] | within 1 u [%] | within 2 u [%] | {' | '.join(NOISES)} |",
-        "| --- " * (5 + len(NOISES)) + "|",
-    ]
+    """The table of the page: of each case the least of its quantities, all of which are printed."""
+    rows = ["| | within 1 u [%] | within 2 u [%] | with 1/f noise |", "| --- | --- | --- | --- |"]
     for name in names:
+        shares = []
         for row in examine(name, draws // 8 if name in SLOW else draws):
-            cells = [f"{row.off.size}", f"{np.median(row.off):+.2f}"]
-            cells += [f"{100.0 * row.within(units):.0f}" for units in (1.0, 2.0)]
-            cells += [f"{100.0 * row.within(2.0, colour):.0f}" for colour in NOISES]
-            rows.append(f"| {row.name} | {' | '.join(cells)} |")
-            print(rows[-1], flush=True)
+            shares.append([row.within(1.0), row.within(2.0), row.within(2.0, "1/f")])
+            print(_line(row.name, shares[-1]), flush=True)
+        rows.append(_line(f"`{name}`", np.min(shares, axis=0)))
     return rows
+
+
+def _line(name: str, shares: Sequence[float] | _Array) -> str:
+    return f"| {name} | {' | '.join(f'{100.0 * share:.0f}' for share in shares)} |"
 
 
 def main() -> int:

@@ -56,7 +56,7 @@ WORST = {
     "cosh": 1.3,
 }
 WORST |= {"cbrt": 1.0, "inverse_cbrt": 1.6}
-"""Largest error in units in the last place of the result: the table of docs/numerics.md."""
+"""Largest error in units in the last place of the result."""
 
 
 def _arguments(name: str, n: int = 700) -> NDArray[np.float64]:
