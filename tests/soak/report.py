@@ -9,6 +9,8 @@ from soak.judgement import COUNTS, INDEX_RATE, Use, judge
 from soak.sampling import Sample
 
 HEADER = ("process", "memory [MB]", "MB a minute", "shared memory [MB]", *COUNTS, "processor", "flat")
+ON_A_PAGE = ("process", "memory [MB]", "MB a minute", "processor", "flat")
+"""Columns of a page; "flat" judges the others, too."""
 
 
 def uses(samples: Mapping[str, Sequence[Sample]]) -> dict[str, dict[str, Use]]:
@@ -66,6 +68,7 @@ def show(title: str, samples: Mapping[str, Sequence[Sample]]) -> None:
 
 
 def markdown(samples: Mapping[str, Sequence[Sample]]) -> str:
-    """The table for a page."""
-    lines = [HEADER, tuple("---" for _ in HEADER), *rows(samples)]
+    """The table for a page, with the columns of ON_A_PAGE."""
+    chosen = [[cells[HEADER.index(column)] for column in ON_A_PAGE] for cells in rows(samples)]
+    lines = [ON_A_PAGE, ["---"] * len(ON_A_PAGE), *chosen]
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
