@@ -80,7 +80,7 @@ class Constants(Record):
     hold: float  # control period [1/w0]
     slot: float  # time between two drives of an answer
     slots: int  # slots in a control period
-    delay: int  # slots until the drive of an answer is in force, as told
+    delay: int  # slots until the drive of an answer is in force, as configured
     count: int  # drives in an answer, without the reserve
     reserve: int  # drives of the reserve
     longest: int  # drives of an answer with all that, those in force before it included

@@ -44,7 +44,7 @@ def forget(p: Constants, s: State) -> None:
         # A line longer than the ring tells nothing any more.
         s.least, s.most = -float(NODES), float(NODES)
     begin_map(p, s)
-    s.told = s.counts = 0.0
+    s.knows_y = s.contradicted = s.counts = 0.0
     for axis in range(3):
         for i in range(UNEXPLAINED):
             s.learned[axis, i] = NOTHING[i]

@@ -110,7 +110,7 @@ def take_height_seen(z: float, p: Constants, s: State) -> None:
     noise = square(p.height_noise) + square(p.z_noise)
     if s.unknown == 0:
         s.weights[AT_X], s.weights[AT_Y] = s.slope_x, s.slope_y
-        # What it has been off the measured height may be so in what was told.
+        # What it has been off the measured height may be an error of the given surface.
         noise += s.contradicts * square(p.height)
     elif s.mapped_H > 0.0:
         noise += slopes_of_map(x, y, p, s)

@@ -118,19 +118,19 @@ def warnings(parameters: Tree, control_period: float) -> list[str]:
     """Where positions alone are not enough; axes that swing by half a period or more between two drives."""
     law, scanner = parameters.law, parameters.scanner
     slot = control_period / law.packet
-    told = []
+    sentences = []
     if law.feedback == "measured" and law.surface == "observed" and law.packet > 1:
-        told.append(
+        sentences.append(
             f"x and y will be tracked within a tenth of the way at best: with law.feedback = measured and law.packet ="
             f" {law.packet} law.surface should be known or learned, it is {law.surface} (docs/predictive.md)"
         )
     if law.feedback == "measured" and slot * parameters.scales.w0 >= LONG:
-        told.append(
+        sentences.append(
             f"the tip may be lost where friction is stronger than configured: with law.feedback = measured a drive "
             f"should be held for less than {LONG / parameters.scales.w0:g} s, it is for {slot:g} s; raise law.packet"
             " (docs/predictive.md)"
         )
-    return told + [
+    return sentences + [
         f"along {axis} the scanner swings between two drives: 2 pi scanner.f_{axis} plant.control_period / law.packet "
         f"= {2.0 * math.pi * f * slot:.3g} should be < 3.14 (scanner.f_{axis} = {f:g} Hz, plant.control_period = "
         f"{control_period:g} s, law.packet = {law.packet})"
@@ -155,16 +155,16 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
     lateral_force = p.lateral_force
     for i, axis in enumerate("xyz"):
         force, of_model = p.normal_force if axis == "z" else lateral_force, stiffness[i]
-        told = [
+        numbers = [
             ("lateral_gain", "1", gain_of[i], unsure[i, 0, 0], 1.0),
             ("slow_force", "N", slow[i] * force, unsure[i, 1, 1], force),
             ("stiffness", "1", 1.0 + softer[i] / of_model, unsure[i, 2, 2], 1.0 / of_model),
         ]
         # Along z there is no friction.
-        for name, unit, value, variance, scale in told[1:3] if axis == "z" else told:
+        for name, unit, value, variance, scale in numbers[1:3] if axis == "z" else numbers:
             yield LawEstimate(f"{name}_{axis}", unit, float(value))
             yield LawEstimate(f"{name}_{axis}_deviation", unit, float(scale * math.sqrt(max(variance, 0.0))))
-    # Over a known surface the ratio is a mean, and what one measurement of it is off is told.
+    # Over a known surface the ratio is a mean, and the deviation is that of one measurement.
     variance = s.P[RATIO, RATIO] if p.measured else s.ratio[OF_VALUE] if s.unknown else p.ratio_noise * p.ratio_noise
     yield LawEstimate("friction_ratio", "1", float(s.ratio[VALUE]))
     yield LawEstimate("friction_ratio_deviation", "1", math.sqrt(max(float(variance), 0.0)))
@@ -172,16 +172,18 @@ def _of_friction(p: Any, s: Any) -> Iterator[LawEstimate]:
 
 def remark(state: Any) -> str:
     """Return how often the guard has distrusted the model, whether it does now, and what is not as configured."""
-    told = []
+    sentences = []
     if state.fallbacks > 0.0:
         now = f"; distrust now {state.distrust:.2g} of 1" if state.distrust > 0.0 else ""
         times = f"{state.fallbacks:.0f} times{now}"
-        told.append(f"the model did not explain the measurements: fell back to open loop {times}")
+        sentences.append(f"the model did not explain the measurements: fell back to open loop {times}")
     if state.contradicts > 0.0 and state.unknown:
-        told.append("the height measured is not that of sample.*: the surface is followed as law.surface = observed")
+        sentences.append(
+            "the height measured is not that of sample.*: the surface is followed as law.surface = observed"
+        )
     if abs(state.learned[2, 1]) >= FIRST_Z[1]:
-        told.append(
+        sentences.append(
             "a force along z is larger than the law learns, and is an error of the load: the zero of the z sensor is "
             "no longer that of the piezo, or the z piezo drifts"
         )
-    return "; ".join(told)
+    return "; ".join(sentences)

@@ -249,7 +249,7 @@ def doubt_surface(p: Constants, s: "State") -> None:
     waves = _LONGER if p.measured != 0 and p.slots > 1 else 1.0
     part = min(phase / (2.0 * math.pi * waves), 1.0) if s.started != 0.0 else 0.0
     if s.unknown == 0 and s.zero_of_height != 0.0:
-        # One measurement told it, with its noise.
+        # It comes from one measurement, with its noise.
         s.zero_of_height += part * higher
     s.contradicts += part * (min(off, _ONE_ALONE * most) - s.contradicts)
     before = s.unknown

@@ -10,81 +10,108 @@ from afm_model.parts import Array, Integers, Numbers, Record, Tree, Vector, exp
 from .constants import ANSWERS, FOLLOWED, INTERVALS, LENGTH, NODES, SLOTS, SPACING, UNEXPLAINED
 
 
-class State(Record):
-    started: float
-    fallbacks: float  # how often the model was distrusted, how far it is now, measurements it has explained since
-    distrust: float
-    calm_ticks: float
+class Guard(Record):
+    """guard.py: how far the model is trusted."""
+
+    started: float  # one: from the first answer on
+    fallbacks: float  # how often the model was distrusted
+    distrust: float  # how far it is now, from 0 to 1
+    calm_ticks: float  # measurements it has explained since
     patience: float  # how many times more of them are needed
-    reach: float  # farthest that the reference has been from where the tip was at the start, which follows
-    from_x: float
+    fastest: float  # largest speed of the reference so far
+    reach: float  # farthest that the reference has been from there:
+    from_x: float  # where the tip was at the start
     from_y: float
-    turned: Annotated[Array, (2, 2)]  # place and rate of the reference where it turned last, its largest speeds since
-    fastest_since: float  # then and in the stretch before
-    fastest_before: float
-    answered: Annotated[Integers, (ANSWERS,)]  # the last measurements answered
+    turned: Annotated[Array, (2, 2)]  # place and rate of the reference where it turned last
+    fastest_since: float  # largest speed of the reference since then
+    fastest_before: float  # and in the stretch before
+
+
+class Flight(Record):
+    """flight.py: drives on their way, and the reserve."""
+
+    last: int  # number of the last measurement
+    answered: Annotated[Integers, (ANSWERS,)]  # numbers of the last measurements answered
     lengths: Annotated[Integers, (ANSWERS,)]  # of the drives of each answer
     sent: int  # address of the drives of each answer
-    last: int  # number of the last measurement
-    estimate: Annotated[Array, (6,)]  # position and rate there
-    seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
-    signal: float  # lateral force there
-    place_x: float  # of positions alone: where x was before its last correction, and rests since
-    # What the model does not explain, unexplained.py: gamma, b, c as they are estimated, and their
-    # covariance; as they are believed. Along z only b and c: there is no friction.
-    learned: Annotated[Array, (3, UNEXPLAINED)]
-    unsure: Annotated[Array, (3, UNEXPLAINED, UNEXPLAINED)]
-    gain_of: Annotated[Array, (3,)]
-    slow: Annotated[Array, (3,)]
-    softer: Annotated[Array, (3,)]
-    weight: Annotated[Array, (UNEXPLAINED,)]
-    tells: Annotated[Array, (UNEXPLAINED,)]
-    # What was predicted for this measurement: position, rate; drive; of x and y mean friction until then.
-    expected: Annotated[Array, (3, 4)]
-    impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
-    told: float  # one: the tip has slipped; two: the direction of y told; of positions alone: the model is contradicted
-    counts: float  # of positions alone: the mean square force that what is learned explains
-    grip: float  # of positions alone: measured ratio; no measurement: zero
-    # Of positions alone: mean square of the innovations over their variance, of positions along the motion, of heights.
-    nis: float
-    nis_of_height: float
-    moved_by_c: Annotated[Array, (2,)]  # what more stiffness of z does to position and rate of the copy
-    off_force: float  # by which friction of the copy was off the measured one
-    P: Annotated[Array, (5, 5)]  # covariance of the states of observer.py
-    carried: Annotated[Array, (5, 5)]  # what a Kalman filter needs between two steps
-    half: Annotated[Array, (5, 5)]
-    gains: Annotated[Array, (5,)]
-    weights: Annotated[Array, (5,)]
-    change: Annotated[Array, (5,)]
-    across: float  # variance of the position across the motion
-    X: float  # the scanner as measured or estimated, then as predicted
+    plan: Annotated[Array, (SLOTS, 3)]  # drives of the slots from now on
+    reserve_end: int  # number of the slot after the reserve
+    reserved: Annotated[Array, (6,)]  # position and rate of the scanner predicted there
+    kept: Annotated[Array, (SLOTS, 3)]  # drives of the reserve
+
+
+class Scanner(Record):
+    """control.py, nominal_plant.py: the scanner and the tip."""
+
+    estimate: Annotated[Array, (6,)]  # position and rate at the last measurement
+    at_x: float  # its place there
+    at_y: float
+    X: float  # position and rate as measured or estimated, then as predicted
     Y: float
     Z: float
     V_X: float
     V_Y: float
     V_Z: float
-    Q: float  # the tip
+    impulse: Annotated[Array, (2,)]  # of friction in the slot last predicted
+    Q: float  # height of the tip
     load: float  # on it
-    doubt: float  # variance of an estimated position
-    approach: float  # by which the sample is asked for nearer, while there is no friction; its height where there was
-    touched: float
     rise: float  # acceleration along z by more than following the surface takes
-    at_x: float  # where the scanner was at the last measurement
-    at_y: float
-    # Height of the sample under the tip there, and its slopes along the way: sample_estimate.py.
-    unknown: int  # one: the surface is not known, or not the one that was told; mean square by which it is another
-    contradicts: float
-    H: Annotated[Array, (FOLLOWED,)]
-    ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one there, in the same way
+
+
+class Unexplained(Record):
+    """unexplained.py: gamma, b, c of an axis; along z only b and c, for there is no friction."""
+
+    learned: Annotated[Array, (3, UNEXPLAINED)]  # as estimated
+    unsure: Annotated[Array, (3, UNEXPLAINED, UNEXPLAINED)]  # their covariance
+    gain_of: Annotated[Array, (3,)]  # gamma, b and c as they are believed
+    slow: Annotated[Array, (3,)]
+    softer: Annotated[Array, (3,)]
+    weight: Annotated[Array, (UNEXPLAINED,)]  # between two steps of the filter
+    tells: Annotated[Array, (UNEXPLAINED,)]
+    expected: Annotated[Array, (3, 4)]  # for this measurement: position, rate; drive; mean friction until then
+    seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
+    signal: float  # lateral force there
+    knows_y: float  # one: a slip tells y from x; two: the direction of a slip contradicts what was believed
+    contradicted: float  # of positions alone; one: what is learned explains a force that counts
+    counts: float  # the mean square of that force
+    place_x: float  # of positions alone: where x was before its last correction, and rests since
+    moved_by_c: Annotated[Array, (2,)]  # what more stiffness of z does to position and rate of the copy
+    zero_of_drive: Vector  # what was left over at the start
+    unstretched: Vector  # the places where the springs are not stretched then
+    zero_of_height: float  # error of the z sensor, if it is not that of the piezo
+
+
+class PositionsAlone(Record):
+    """observer.py, kalman.py."""
+
+    P: Annotated[Array, (5, 5)]  # covariance of the states
+    carried: Annotated[Array, (5, 5)]  # what the filter needs between two steps
+    half: Annotated[Array, (5, 5)]
+    gains: Annotated[Array, (5,)]
+    weights: Annotated[Array, (5,)]
+    change: Annotated[Array, (5,)]  # of the states, by the measurements taken so far
+    across: float  # variance of the position across the motion
+    grip: float  # measured ratio; no measurement: zero
+    off_force: float  # friction of the copy less the measured one
+    nis: float  # mean square of the innovations of positions along the motion, over their variance
+    nis_of_height: float  # the same of heights
+
+
+class Sample(Record):
+    """sample_estimate.py: height and bound of friction under the tip; what `look` finds at one place."""
+
+    H: Annotated[Array, (FOLLOWED,)]  # height, with its slopes along the way
+    ratio: Annotated[Array, (FOLLOWED,)]  # bound of friction over the nominal one, in the same way
     slips: float  # measurements of it
-    # unexplained.py, at the start:
-    zero_of_drive: Vector  # what was left over at the start; the places where the springs are not stretched then
-    unstretched: Vector
-    zero_of_height: float  # what the z sensor is off, if not the piezo is
-    mapped: float
-    mapped_H: float  # one: the place looked at is on the map, with its height; with its ratio
-    here: float  # strength at the place looked at
-    height: float  # the sample at one place, as afm_model.parts.signals.Surface
+    unknown: int  # one: the surface is not known, or not the one that was given
+    contradicts: float  # mean square of the measured height less the given one
+    doubt: float  # variance of an estimated position
+    approach: float  # by which the sample is asked for nearer, while there is no friction
+    touched: float  # its height where there was
+    here: float  # ratio at the place looked at
+    mapped: float  # one: that is on the map
+    mapped_H: float  # one: its height is
+    height: float  # the sample there, as afm_model.parts.signals.Surface
     slope_x: float
     slope_y: float
     curvature: float
@@ -92,37 +119,41 @@ class State(Record):
     curvature_yy: float
     curvature_xy: float
     strength: float
-    plan: Annotated[Array, (SLOTS, 3)]  # drives of the slots from now on
-    reserve_end: int  # the reserve: number of the slot behind it, the predicted scanner there, its drives
-    reserved: Annotated[Array, (6,)]
-    kept: Annotated[Array, (SLOTS, 3)]
-    line_x: float  # the line: a place on it, its direction, distance of the nodes, part of it visited
+
+
+class Map(Record):
+    """map.py: the line of the reference."""
+
+    line_x: float  # a place on it
     line_y: float
-    line_tx: float
+    line_tx: float  # its direction
     line_ty: float
-    pitch: float
-    least: float
+    pitch: float  # distance of the nodes
+    least: float  # part of it visited
     most: float
     way: float  # gone on it
-    written: float
-    gripped: float
-    misfit_H: float  # mean square of what heights and ratios are off the map, over their variance
-    misfit: float
-    map_H: Annotated[Array, (NODES,)]  # the map along it, and its covariance over that of the prior, of a node
-    # and those up to it
+    written: float  # one: by a height
+    gripped: float  # one: by a ratio
+    misfit_H: float  # mean square of the heights measured less those of the map, over their variance
+    misfit: float  # the same of ratios
+    map_H: Annotated[Array, (NODES,)]
     map_ratio: Annotated[Array, (NODES,)]
-    covariance: Annotated[Array, (NODES, NODES)]
+    covariance: Annotated[Array, (NODES, NODES)]  # of a node and those up to it, over the variance of the prior
     prior: Annotated[Array, (2 * NODES,)]
     visited: Annotated[Array, (NODES,)]  # way at the first visit
     gain: Annotated[Array, (NODES,)]
-    fastest: float  # speed of the reference so far
-    p: Annotated[Array, (3,)]  # reference now: position, rate, acceleration of x, y; as it was; sums of its frequency
+
+
+class Asked(Record):
+    """asked.py: the reference, and what the drive is asked for."""
+
+    p: Annotated[Array, (3,)]  # reference now: position, rate, acceleration
     v: Annotated[Array, (3,)]
     acc: Annotated[Array, (3,)]
     lead: Annotated[Array, (2,)]  # of a tip far from it at the start: how much of the way is left
-    p_last: Annotated[Array, (2,)]
+    p_last: Annotated[Array, (2,)]  # as it was
     acc_last: Annotated[Array, (2,)]
-    sum_pa: Annotated[Array, (2,)]
+    sum_pa: Annotated[Array, (2,)]  # sums of its frequency
     sum_pp: Annotated[Array, (2,)]
     omega: Annotated[Array, (2,)]
     path_begins: float  # time from the measurement to the first of the fine intervals
@@ -130,6 +161,10 @@ class State(Record):
     asked: Annotated[Array, (INTERVALS, 3, 2)]  # what each fine interval asks for
     friction: Annotated[Array, (INTERVALS + 1,)]  # bound of friction in it
     direction: Annotated[Array, (INTERVALS, 2)]  # and its direction
+
+
+class State(Guard, Flight, Scanner, Unexplained, PositionsAlone, Sample, Map, Asked):
+    """All of it."""
 
 
 @cache

@@ -161,9 +161,9 @@ def explain_measured(y: Measurement, p: Constants, s: State) -> None:
     counts = COUNTS * p.f_0 * (0.5 if p.slots > 1 else 1.0)
     if abs(force) > 2.0 * counts + _SURE * math.sqrt(of_force):
         s.counts = max(s.counts, square(force) - of_force)
-    least = counts * (0.5 if s.told != 0.0 else 1.0)
-    s.told = 1.0 if s.counts > least * least else 0.0
-    if s.told == 0.0:
+    least = counts * (0.5 if s.contradicted != 0.0 else 1.0)
+    s.contradicted = 1.0 if s.counts > least * least else 0.0
+    if s.contradicted == 0.0:
         believe(0, NOTHING, s)
     # Spring and gain are taken to be as wrong as along x, since no force tells them. With a
     # gain of x alone friction would seem to lie in another direction, and to be of another strength. As long as the tip
@@ -195,8 +195,8 @@ def learn_across(signal: float, u_x: float, u_y: float, p: Constants, s: State) 
     # The faster the tip the later it turns.
     turning = p.f_0 * (1.0 + square(speed / s.fastest))
     if abs(across) > _COUNTS_ACROSS * turning:
-        s.told = 2.0
-    if s.told == 2.0:
+        s.knows_y = 2.0
+    if s.knows_y == 2.0:
         noise = (
             hypot(FLOOR * turning + p.force_noise, t_y * math.sqrt(variance(0, signal, stretched(0, s.X, s), s))) / t_x
         )
@@ -293,13 +293,13 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
             noise += p.f_0 * turned / (way * s.fastest)
             resists = left_over(1, s.Y, s.V_Y, u_y, p, s) + across * d_x
             update(1, resists, mean * d_y / d_x, q_y, noise, p, s)
-            s.told = max(s.told, 1.0)
+            s.knows_y = max(s.knows_y, 1.0)
     elif known and p.slots == 1 and way > SLIDES * s.fastest * p.hold:
         # A tip that is thrown tells no force, but what x alone tells from then on is not that of y.
-        s.told = max(s.told, 1.0)
+        s.knows_y = max(s.knows_y, 1.0)
     if p.slots > 1:
         learn_across(signal, u_x, u_y, p, s)
-    if s.told == 0.0:
+    if s.knows_y == 0.0:
         # As long as nothing is known of y: what is wrong about friction is so along both.
         s.gain_of[1] = s.learned[1, 0] = s.gain_of[0]
     s.seen[0, 0], s.seen[0, 1], s.seen[1, 0], s.seen[1, 1] = s.X, s.V_X, s.Y, s.V_Y

@@ -219,19 +219,19 @@ def test_while_the_model_is_not_trusted_friction_that_is_believed_in_is_no_sign_
     assert (s.H[VALUE], s.H[MEAN]) == pytest.approx((0.03 + 2.0 * p.height, 0.03 - 2.0 * p.height))
 
 
-@pytest.mark.parametrize("told", [0.0, 2.0])
-def test_from_its_first_slip_on_what_x_tells_is_not_that_of_y(told):
+@pytest.mark.parametrize("knows_y", [0.0, 2.0])
+def test_from_its_first_slip_on_what_x_tells_is_not_that_of_y(knows_y):
     p, s = records(period=2e-4)
     y = record_of(Measurement, drive_sequence=-1, newest_drive_sequence=-1)
-    s.started, s.fastest, s.last, s.told = 1.0, 0.14, 0, told
+    s.started, s.fastest, s.last, s.knows_y = 1.0, 0.14, 0, knows_y
     s.gain_of[0] = s.learned[0, 0] = 1.2
     explain(1, y, p, s)
-    assert s.gain_of[1] == (1.2 if told == 0.0 else 1.0)
+    assert s.gain_of[1] == (1.2 if knows_y == 0.0 else 1.0)
     s.gain_of[1] = s.learned[1, 0] = 1.0
     # Thrown: much farther than the reference goes in a period.
     s.last, s.V_X, s.V_Y, s.X, s.Y = 1, 10.0, 10.0, 20.0, 20.0
     explain(2, y, p, s)
-    assert s.told == max(told, 1.0)
+    assert s.knows_y == max(knows_y, 1.0)
     assert s.gain_of[1] == 1.0
 
 

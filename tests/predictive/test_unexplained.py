@@ -51,14 +51,14 @@ def test_gain_of_y_is_found_from_that_of_x_whatever_drives_the_tip_along(rng):
 def test_a_direction_that_was_expected_is_not_learned_from():
     p, s = believes(GAIN_X, GAIN_Y + 0.005)
     slides(p, s, math.pi / 4.0, 3.0)
-    assert s.told == 0.0 and s.gain_of[1] == GAIN_Y + 0.005
+    assert s.knows_y == 0.0 and s.gain_of[1] == GAIN_Y + 0.005
 
 
 @pytest.mark.parametrize(("angle", "speed"), [(1.4, SPEED), (math.pi / 4.0, 0.1 * SPEED)], ids=["along y", "slow"])
 def test_motion_along_y_and_a_tip_that_nearly_rests_tell_nothing(angle, speed):
     p, s = believes(GAIN_X, GAIN_X)
     slides(p, s, angle, 0.0, speed)
-    assert s.told == 0.0 and s.gain_of[1] == GAIN_X
+    assert s.knows_y == 0.0 and s.gain_of[1] == GAIN_X
 
 
 @pytest.mark.parametrize(("surface", "most"), [("known", 1.0), ("learned", 2.0)])
