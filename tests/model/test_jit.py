@@ -262,6 +262,7 @@ def test_kernel_that_cannot_be_compiled_keeps_none_waiting(toy):
     assert not list(toy.cache.rglob("*.lock"))
 
 
+@pytest.mark.long
 def test_cache_that_cannot_be_written_or_read_ends_no_process(toy, tmp_path):
     occupied = tmp_path / "file"
     occupied.touch()
@@ -314,6 +315,7 @@ def test_folder_of_kernels_that_others_can_write_to_is_not_used_and_is_named(toy
     assert not any(folder.iterdir())
 
 
+@pytest.mark.long
 def test_kernels_are_kept_for_this_user_under_any_umask(toy):
     before = os.umask(0)
     try:

@@ -170,6 +170,7 @@ def test_fingerprint_changes_nothing_else(cluster):
     pd.testing.assert_frame_equal(table, whole.drop(columns="trajectory_sha256"))
 
 
+@pytest.mark.long
 def test_memory_does_not_grow_with_the_number_of_sets(monkeypatch):
     # Scheduler and client are in this process: whatever keeps the sets shows here.
     monkeypatch.setattr(sys.modules["afm_model.studies.scatter"], "_AHEAD", 16)

@@ -54,6 +54,7 @@ def test_program_behind_a_shell_script_ends_with_the_process_that_has_started_it
     assert processes() == {}
 
 
+@pytest.mark.long
 def test_exit_code_is_that_of_the_command_whose_children_in_the_background_are_ended(
     script: Path, tmp_path: Path
 ) -> None:

@@ -126,6 +126,7 @@ def test_live_page_ends_in_order_and_leaves_no_server(tmp_path: Path) -> None:
     writer.close({})
 
 
+@pytest.mark.long
 def test_session_ends_with_the_same_bits_behind_a_viewer_and_a_server_that_stand_still(tmp_path: Path) -> None:
     scenario, go = write_scenario(tmp_path / "short.yaml", afm_sim_node=SIMULATOR), tmp_path / "go"
     # The run begins when both stand still: it has a controller from then on.

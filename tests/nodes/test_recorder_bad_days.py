@@ -97,6 +97,7 @@ def test_what_was_told_a_second_before_a_kill_is_in_the_file(tmp_path: Path) -> 
     assert recording.parameters["afm_sim_node"]
 
 
+@pytest.mark.long
 def test_recorders_that_follow_dead_ones_keep_what_each_had_written(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     names = ("run.mcap", "run-2.mcap", "run-3.mcap")

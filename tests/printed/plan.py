@@ -71,7 +71,7 @@ TEXTS = {
 }
 """Texts that nobody runs, and what they are."""
 
-IN_SECONDS = {f"docs/{name}.md" for name in ("first_run", "figure", "rank", "verbs", "sweep", "library")}
+IN_SECONDS = {f"docs/{name}.md" for name in ("first_run", "verbs", "sweep", "library")}
 """Pages with commands that run with `make test`; pages without commands do, too."""
 SHORT, LONG = "make test", "the long tests"
 

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import pytest
 import yaml
 from clusters import cluster_here
 from pd_twin import EXAMPLE
@@ -18,6 +19,7 @@ from afm_model import compare
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.long
 def test_row_over_topics_has_the_trajectory_of_the_table(tmp_path):
     with cluster_here() as scheduler:
         comparison = compare(

@@ -14,6 +14,7 @@ OVERRIDES = {
 }
 
 
+@pytest.mark.long
 def test_shaken_scanner_is_identified_and_its_parameters_are_loaded_and_a_recording_in_contact_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

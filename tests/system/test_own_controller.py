@@ -170,6 +170,7 @@ def test_node_of_ones_own_is_given_its_section_of_the_scenario_the_overrides_and
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_command_may_be_given_no_arguments_but_its_own(scenario: Path, tmp_path: Path) -> None:
     counts = shlex.join([sys.executable, "-c", "import sys; sys.exit(len(sys.argv))"])
     options = ("--controller", counts, "--no-ros-args")
@@ -208,6 +209,7 @@ def test_best_effort_controller_ends_the_session_with_the_cause(scenario: Path, 
     assert command.text == "error: /afm/deaf publishes piezo_drive best effort: it must be reliable\n"
 
 
+@pytest.mark.long
 def test_stalled_controller_that_comes_back_in_time_is_scored(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path / "stall.yaml", afm_sim_node=SIMULATOR | {"run.lockstep_timeout": 0.2})
     with Graph() as graph, session(scenario, tmp_path / "out", "--controller", "external", folder=tmp_path) as command:
@@ -225,6 +227,7 @@ def test_stalled_controller_that_comes_back_in_time_is_scored(tmp_path: Path) ->
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_controller_that_stays_silent_ends_the_session_which_promises_no_more_waiting(tmp_path: Path) -> None:
     scenario = write_scenario(tmp_path / "stall.yaml", afm_sim_node=SIMULATOR | {"run.lockstep_timeout": 0.2})
     options = ("--controller", "external", "--stall-timeout", "1")

@@ -73,6 +73,7 @@ def test_a_broken_part_ends_its_node_with_a_sentence_that_names_it(outside, tmp_
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_a_law_that_fails_while_it_runs_ends_its_node_with_a_sentence(outside, tmp_path):
     (outside / "failing.py").write_text(
         "import dataclasses, kalman\n"

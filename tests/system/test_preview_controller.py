@@ -28,6 +28,7 @@ def laws(monkeypatch: pytest.MonkeyPatch):
     return preview_class
 
 
+@pytest.mark.long
 def test_session_with_it_is_the_run_in_process_beyond_the_first_page_of_the_preview(tmp_path: Path, laws) -> None:
     simulator = TRIANGLE | {"run.duration": 4500 * PERIOD, "score.start": 0.0}
     scenario = write_scenario(

@@ -171,6 +171,7 @@ def test_image_by_tapping_shows_the_letter_with_its_step_within_1_percent_and_on
     assert 0.6 < here < 0.5 * np.pi
 
 
+@pytest.mark.long
 def test_interrupted_scan_leaves_the_image_up_to_there_and_no_process(tmp_path: Path) -> None:
     out = tmp_path / "out"
     with scan(out, "--pixels", "32", "--lines", "2000", "--line-rate", "20", folder=tmp_path) as process:

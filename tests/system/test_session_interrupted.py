@@ -76,6 +76,7 @@ def test_ctrl_c_while_the_session_itself_is_loading_ends_it_without_a_traceback(
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_ctrl_c_before_the_nodes_are_up_leaves_nothing(endless: Path, out: Path, tmp_path: Path) -> None:
     with session(endless, out, folder=tmp_path) as command:
         command.wait_until(lambda: len(command.descendants) == 4)
@@ -86,6 +87,7 @@ def test_ctrl_c_before_the_nodes_are_up_leaves_nothing(endless: Path, out: Path,
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_ctrl_c_just_after_the_start_leaves_a_readable_recording_if_any(
     endless: Path, out: Path, tmp_path: Path
 ) -> None:
@@ -223,6 +225,7 @@ def test_second_controller_ends_the_session_and_is_told(endless: Path, out: Path
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_session_killed_outright_leaves_no_node_running_and_nothing_under_a_final_name(
     endless: Path, out: Path, tmp_path: Path
 ) -> None:

@@ -57,6 +57,7 @@ def test_two_sessions_in_two_namespaces_of_one_domain_share_nothing(
     assert_nothing_left()
 
 
+@pytest.mark.long
 def test_two_sessions_at_one_instant_take_domains_of_their_own_and_say_which(
     scenario: Path, trajectory: str, tmp_path: Path
 ) -> None:

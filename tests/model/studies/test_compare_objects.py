@@ -76,6 +76,7 @@ def test_module_that_exits_is_told_in_a_sentence(tmp_path, monkeypatch):
         compare(["leaving:Law"])
 
 
+@pytest.mark.long
 def test_class_that_ends_its_worker_is_named(tmp_path):
     (tmp_path / "ending.py").write_text(
         "import os\nfrom pd_class import Pd\nclass Bad(Pd):\n    def answer(self, measurement):\n        os._exit(0)\n"

@@ -190,6 +190,7 @@ def test_an_action_that_is_no_number_is_refused(scenario):
         envs.step(np.full((2, 3), np.nan))
 
 
+@pytest.mark.long
 def test_example_learns_and_its_page_has_the_scores_to_beat(monkeypatch, capsys):
     root = Path(__file__).resolve().parents[3]
     monkeypatch.setattr(sys, "argv", ["learn_tracking.py", "--rounds", "3"])
