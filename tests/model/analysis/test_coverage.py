@@ -37,7 +37,13 @@ DRAWS = {
     "verbs": 6,
 }
 """Of slow cases; others have 400."""
-MORE_DRAWS = {"deflection_sensitivity": 400, "force_curve": 300, "spring_constant": 400, "step_height": 200, "verbs": 12}
+MORE_DRAWS = {
+    "deflection_sensitivity": 400,
+    "force_curve": 300,
+    "spring_constant": 400,
+    "step_height": 200,
+    "verbs": 12,
+}
 """Of some of them in the long test."""
 ENOUGH = 150
 """Draws that tell a wrong factor."""
