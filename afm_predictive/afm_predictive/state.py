@@ -10,7 +10,7 @@ from afm_model.parts import Array, Integers, Numbers, Record, Tree, Vector, exp
 from .constants import ANSWERS, FOLLOWED, INTERVALS, LENGTH, NODES, SLOTS, SPACING, UNEXPLAINED
 
 
-class Guard(Record):
+class TrustState(Record):
     """guard.py: how far the model is trusted."""
 
     started: float  # one: from the first answer on
@@ -27,7 +27,7 @@ class Guard(Record):
     fastest_before: float  # and in the stretch before
 
 
-class Flight(Record):
+class FlightState(Record):
     """flight.py: drives on their way, and the reserve."""
 
     last: int  # number of the last measurement
@@ -40,7 +40,7 @@ class Flight(Record):
     kept: Annotated[Array, (SLOTS, 3)]  # drives of the reserve
 
 
-class Scanner(Record):
+class ScannerState(Record):
     """control.py, nominal_plant.py: the scanner and the tip."""
 
     estimate: Annotated[Array, (6,)]  # position and rate at the last measurement
@@ -58,7 +58,7 @@ class Scanner(Record):
     rise: float  # acceleration along z by more than following the surface takes
 
 
-class Unexplained(Record):
+class UnexplainedState(Record):
     """unexplained.py: gamma, b, c of an axis; along z only b and c, for there is no friction."""
 
     learned: Annotated[Array, (3, UNEXPLAINED)]  # as estimated
@@ -81,7 +81,7 @@ class Unexplained(Record):
     zero_of_height: float  # error of the z sensor, if it is not that of the piezo
 
 
-class PositionsAlone(Record):
+class ObserverState(Record):
     """observer.py, kalman.py."""
 
     P: Annotated[Array, (5, 5)]  # covariance of the states
@@ -97,7 +97,7 @@ class PositionsAlone(Record):
     nis_of_height: float  # the same of heights
 
 
-class Sample(Record):
+class SampleState(Record):
     """sample_estimate.py: height and bound of friction under the tip; what `look` finds at one place."""
 
     H: Annotated[Array, (FOLLOWED,)]  # height, with its slopes along the way
@@ -121,7 +121,7 @@ class Sample(Record):
     strength: float
 
 
-class Map(Record):
+class MapState(Record):
     """map.py: the line of the reference."""
 
     line_x: float  # a place on it
@@ -144,7 +144,7 @@ class Map(Record):
     gain: Annotated[Array, (NODES,)]
 
 
-class Asked(Record):
+class AskedState(Record):
     """asked.py: the reference, and what the drive is asked for."""
 
     p: Annotated[Array, (3,)]  # reference now: position, rate, acceleration
@@ -163,7 +163,7 @@ class Asked(Record):
     direction: Annotated[Array, (INTERVALS, 2)]  # and its direction
 
 
-class State(Guard, Flight, Scanner, Unexplained, PositionsAlone, Sample, Map, Asked):
+class State(TrustState, FlightState, ScannerState, UnexplainedState, ObserverState, SampleState, MapState, AskedState):
     """All of it."""
 
 
