@@ -40,7 +40,7 @@ class FlightState(Record):
     kept: Annotated[Array, (SLOTS, 3)]  # drives of the reserve
 
 
-class ScannerState(Record):
+class MotionState(Record):
     """control.py, nominal_plant.py: the scanner and the tip."""
 
     estimate: Annotated[Array, (6,)]  # position and rate at the last measurement
@@ -163,7 +163,7 @@ class AskedState(Record):
     direction: Annotated[Array, (INTERVALS, 2)]  # and its direction
 
 
-class State(TrustState, FlightState, ScannerState, UnexplainedState, ObserverState, SampleState, MapState, AskedState):
+class State(TrustState, FlightState, MotionState, UnexplainedState, ObserverState, SampleState, MapState, AskedState):
     """All of it."""
 
 

@@ -6,8 +6,7 @@ With w = 2 pi bandwidth and the time T between two samples x[k],
     keep = exp(-w T),  new = 1 - (1 - keep)/(w T),  old = (1 - keep)/(w T) - keep,  shake = rms sqrt(1 - keep^2)
 
 The first is exact for a signal that is linear between samples, the second for white noise of any density (exact
-Ornstein-Uhlenbeck step): what is above half the sample rate is folded, as in a real ADC. Derived in
-docs/imperfections.md.
+Ornstein-Uhlenbeck step): what is above half the sample rate is folded, as in a real ADC.
 """
 
 import math
