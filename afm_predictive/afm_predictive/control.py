@@ -80,7 +80,6 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     if s.started == 0.0:
         find_zeros_at_start(y, p, s)
     k = int(t * p.w0 / p.hold + 0.5)
-    recall(k, y, p, s)
     observe(k, y, p, s)
     if p.adapts and p.measured == 0:
         explain(k, y, p, s)
@@ -90,6 +89,7 @@ def control(t: float, y: Measurement, u: PiezoDrive, p: Constants, s: State) -> 
     watch(k, y, p, s)
     s.last = k
     s.at_x, s.at_y = s.X, s.Y
+    recall(k, y, p, s)
     ask(p.delay * p.slot, p.horizon + (p.count - 1) * p.fine, p, s)
     for i in range(p.delay + p.count):
         if i >= p.delay:

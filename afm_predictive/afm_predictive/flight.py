@@ -41,12 +41,15 @@ def recall(k: int, y: Measurement, p: Constants, s: State) -> None:
     An answer is in force from the delay after its measurement on, or from its arrival if that is later; what has not
     arrived yet is taken to be there in the next period. Where none is known the drive that is in force stays.
     """
+    s.expects = k
     for j in range(p.delay):
         ahead = j // p.slots
         newest = k - p.delay // p.slots + ahead
         if ahead == 0:
             newest = min(newest, y.newest_drive_sequence)
         answered = newest_answered(newest, s)
+        if j == 0:
+            s.expects = answered
         if answered < 0:
             for axis in range(3):
                 s.plan[j, axis] = drive_in_force(axis, y, p, s)

@@ -68,6 +68,9 @@ class UnexplainedState(Record):
     softer: Annotated[Array, (3,)]
     weight: Annotated[Array, (UNEXPLAINED,)]  # between two steps of the filter
     tells: Annotated[Array, (UNEXPLAINED,)]
+    expects: int  # measurement whose answer the last prediction took to be in force until this one
+    age: int  # of the answer in force, in control periods
+    steady: float  # periods for which that has not changed
     expected: Annotated[Array, (3, 4)]  # for this measurement: position, rate; drive; mean friction until then
     seen: Annotated[Array, (2, 2)]  # position and rate of x and y at the last measurement
     signal: float  # lateral force there

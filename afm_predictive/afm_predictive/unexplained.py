@@ -44,6 +44,8 @@ NOTHING = (1.0, 0.0, 0.0)
 """Gamma, b, c of a model that explains all."""
 SAME = 0.005
 """Difference of a drive from the planned one that a converter makes, over friction."""
+_STEADY = 10.0
+"""Periods for which answers must have been equally late, for another delay than the configured one to be believed."""
 COUNTS = 0.003
 """Of positions alone: rms force over that of friction that contradicts the model, later half of it; twice as much does
 so at once. In packets half of all that."""
@@ -255,8 +257,13 @@ def explain(k: int, y: Measurement, p: Constants, s: State) -> None:
     """Learn from measurement k; the scanner is in the state as it is there."""
     signal = y.lateral_force / p.lateral_force
     u_x, u_y = drive_in_force(0, y, p, s), drive_in_force(1, y, p, s)
-    # A drive that came late, or was cut off, is not the one predicted with.
-    known = s.started != 0.0 and k - s.last == 1
+    # An answer that came late, or a drive that was cut off, is not what was predicted with: the drives of an older
+    # packet differ little in sum from those of the newer one, and each by more than what is learned.
+    age = k - y.drive_sequence
+    s.steady = s.steady + 1.0 if age == s.age else 0.0
+    s.age = age
+    known = y.drive_sequence < 0 or y.drive_sequence == s.expects or s.steady > _STEADY
+    known = known and s.started != 0.0 and k - s.last == 1
     known = known and abs(u_x - s.expected[0, 2]) + abs(u_y - s.expected[1, 2]) < SAME * p.f_0
     if known:
         learn_of_z(drive_in_force(2, y, p, s), p, s)

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from afm_model import load_scenario, simulate
+from afm_model.parameters import changed
 from afm_model.studies.contender import contender
 from afm_model.studies.wrong_models import CASE, RATES, run_case
 from afm_predictive.unexplained import learn_across
@@ -66,3 +68,14 @@ def test_packets_bear_a_resonance_of_one_axis_that_is_told_wrong(surface, most):
     case = CASE["resonance of x +2 %"]
     row = run_case(case, RATES[2], contender(f"predictive surface={surface}"))
     assert row["worst"] < most and not row["lost"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_measured_under_an_older_answer_teaches_nothing(seed):
+    # The drives of two packets differ little in sum, and each by more than what is learned: it cost 2 to 6 %.
+    scenario = load_scenario("realtime_1ms")
+    late = {"kind": "jitter", "signal": "drive", "size": 1.03e-3, "seed": seed, "start": 0.05}
+    late = {"fault.kind": "scheduled", **{f"fault.late.{name}": value for name, value in late.items()}}
+    run = simulate(changed(scenario.sim, {"run.mode": "lockstep", "run.duration": 2.0, **late}), scenario.controller)
+    off = np.abs(run.truth["position"][:, :2] - run.measurements["reference_position"][:, :2]) / 5e-11
+    assert off[run.time > 0.26].max() < 0.2

@@ -18,10 +18,10 @@ NAMED = {"docs/first_run.md": "mine.yaml", "docs/rank.md": "mine.yaml"}
 SHORTER = {
     SHORT: {
         r"\bsession closed_loop_tanh\b": "session short.yaml --composed --no-picture",
-        r"\brun\.duration: 0\.126\b": "run.duration: 0.0126",
-        r"(?= --out out/rank)": " --cycles 0.7 --workers 1",
     },
     LONG: {
+        r"\brun\.duration: 0\.126\b": "run.duration: 0.0126",
+        r"(?= --out out/rank)": " --cycles 0.7 --workers 1",
         r"\bsession (realtime_\w+)": r"session \1 --overrides seconds.yaml",
         r"--periods [\d e.-]+ --delays [\d ]+": "--periods 5e-5 --delays 0 --cycles 0.7 ",
         r"--pixels 256 --lines 256": "--pixels 32 --lines 16",
