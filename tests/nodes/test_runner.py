@@ -66,6 +66,9 @@ def test_node_ends_cleanly_when_it_is_told_to_or_its_terminal_is_closed(tmp_path
     with Graph() as graph, Command(executable("afm_sim_node", "afm_sim_node"), folder=tmp_path) as process:
         observer = graph.add(Observer())
         process.wait_until(lambda: observer.statuses, graph)
+        status = Path(f"/proc/{process.process.pid}/status").read_text().split()
+        caught = int(status[status.index("SigCgt:") + 1], 16)
+        assert caught & 1 << number - 1, "the node does not listen to it"
         os.kill(process.process.pid, number)
         assert process.wait(graph) == 0, process.told
         assert "Traceback" not in process.text
