@@ -23,6 +23,8 @@ make --no-print-directory site
 cp -r out/site "$out/site"
 
 echo "Trying the wheels in an empty environment ..."
+# Of a terminal in which a workspace is sourced.
+unset PYTHONPATH
 python3 -m venv "$work/environment"
 bin=$work/environment/bin
 # The kernels belong to these versions.
@@ -31,7 +33,6 @@ bin=$work/environment/bin
   --find-links "$out/wheels" "afm_model[plot,files]" afm_predictive afm_nanonis
 cd "$work/environment"
 export NUMBA_CACHE_DIR=$work/cache
-unset PYTHONPATH
 "$bin/afm" --version
 "$bin/afm" closed_loop_tanh > first.txt
 "$bin/python" - <<'END'
