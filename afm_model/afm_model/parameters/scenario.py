@@ -180,13 +180,16 @@ def overridden(model: type[Group], given: Mapping[str, Any], values: Mapping[str
         if leaf != "kind" or group not in model.model_fields:
             continue
         default: Any = model.model_fields[group].annotation
-        if values[name] == given.get(name, default.model_fields["kind"].default):
+        former = [each for each in kept if each.startswith(f"{group}.")]
+        if not former or values[name] == given.get(name, default.model_fields["kind"].default):
             continue
         try:
             there = specified(with_parts(model, {**given, **values}))
         except ParameterError:  # a part that another program knows, or a mistake that `build` names
             there = {}
-        kept = {each: value for each, value in kept.items() if not each.startswith(f"{group}.") or each in there}
+        for each in former:
+            if each not in there:
+                del kept[each]
     return kept | dict(values)
 
 
